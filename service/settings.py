@@ -12,6 +12,7 @@ import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
+from urllib.parse import quote
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -21,6 +22,10 @@ BROKER_SCHEMES = ("redis://", "rediss://", "redis+socket://")
 
 # sockaddr_un.sun_path holds 108 bytes with its closing zero on Linux, 104 on macOS.
 LONGEST_SOCKET_PATH = 103
+
+
+class StartupError(Exception):
+    """The service cannot start as it is set up here; the text is the one line that the user reads."""
 
 
 class Settings(BaseSettings):
@@ -44,6 +49,8 @@ class Settings(BaseSettings):
     @field_validator("data_dir")
     @classmethod
     def _absolute(cls, value: Path) -> Path:
+        if "?" in str(value):
+            raise ValueError("a folder without a question mark is needed: it would end the database's URL")
         return Path(os.path.abspath(value.expanduser()))
 
     @field_validator("database_url")
@@ -81,7 +88,7 @@ class Settings(BaseSettings):
 
     @property
     def resolved_broker_url(self) -> str:
-        return self.broker_url or f"redis+socket://{self.broker_socket}"
+        return self.broker_url or f"redis+socket://{quote(str(self.broker_socket))}"
 
     @property
     def embeds_broker(self) -> bool:
@@ -121,7 +128,8 @@ def describe_problems(error: ValidationError) -> str:
     for problem in error.errors(include_url=False, include_context=False):
         name = "_".join(str(part) for part in problem["loc"]).upper()
         text = problem["msg"].removeprefix("Value error, ")
-        lines.append(f"TALUS_{name}={problem['input']!r}: {text}" if name else text)
+        value = "" if name.endswith("_URL") else f"={problem['input']!r}"  # a URL may hold a password
+        lines.append(f"TALUS_{name}{value}: {text}" if name else text)
     return "; ".join(lines)
 
 
