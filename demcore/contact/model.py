@@ -1,0 +1,77 @@
+"""A contact model is a composition of laws; each law is a NamedTuple of its numerics, one file each.
+
+The loop over contacts (forces.py) knows only the four records below and the three generic calls
+`normal_force`, `tangential_force` and `rolling_couple`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+
+class Vec3(NamedTuple):
+    x: float
+    y: float
+    z: float
+
+
+class Pair(NamedTuple):
+    """What a law may know of the two touching bodies; at a wall body j is the wall.
+
+    size_i, size_j          particle size L (sphere: diameter), m; a wall takes the size of what touches it
+    mass                    effective mass m_i m_j / (m_i + m_j), kg; at a wall m_i
+    radius                  effective radius r_i r_j / (r_i + r_j), m; at a wall r_i
+    youngs_i, youngs_j      Young's moduli, Pa
+    youngs, shear           effective moduli E*, G* (Hertz-Mindlin), Pa
+    restitution             coefficient of restitution, (0, 1]
+    static, dynamic         friction coefficients
+    rolling                 rolling resistance coefficient
+    """
+
+    size_i: float
+    size_j: float
+    mass: float
+    radius: float
+    youngs_i: float
+    youngs_j: float
+    youngs: float
+    shear: float
+    restitution: float
+    static: float
+    dynamic: float
+    rolling: float
+
+
+class Normal(NamedTuple):
+    """Result of a normal law.
+
+    force        total normal force, N, >= 0 without cohesion
+    elastic      the part that the law remembers (its F_prev), N
+    stiffness    tangential laws scale theirs with it, N/m
+    damping      viscous coefficient to apply in the tangent plane while sticking, kg/s
+    age          time in contact, s
+    """
+
+    force: float
+    elastic: float
+    stiffness: float
+    damping: float
+    age: float
+
+
+class Tangential(NamedTuple):
+    """force: total on body i; spring: what is remembered; sliding: 1.0 while slipping at speed, else 0.0;
+    stiffness: tangential stiffness used, N/m."""
+
+    force: Vec3
+    spring: Vec3
+    sliding: float
+    stiffness: float
+
+
+class ContactModel(NamedTuple):
+    """The laws of a simulation. Each field is a NamedTuple whose type selects the implementation."""
+
+    normal: Any
+    tangential: Any
+    rolling: Any

@@ -1,0 +1,163 @@
+"""What a pile test measured: angles, profile, masses, discharge, and every assumption that went in."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from demcore.errors import NoResult
+from demcore.observables.repose_angle import (
+    AngleReading,
+    HeapProfile,
+    heap_profile,
+    literal_reading,
+    scan_heights,
+    surface_scan,
+)
+from demcore.output import write_spheres
+from demcore.particles import M, R, VX, VZ, Floats, X, Z
+
+if TYPE_CHECKING:
+    from demcore.experiments.pile_test import PileRun, PileTest
+
+
+@dataclass(frozen=True)
+class PileResult:
+    """A pile at rest. Positions (N, 3) m with the base at z = 0, radii (N,) m, velocities (N, 3) m/s,
+    material rows (N,); discharge: (K, 2) time since removal (s) and share of the mass still there."""
+
+    test: PileTest
+    scan: AngleReading
+    literal: AngleReading
+    literal_share_few: float
+    profile: HeapProfile
+    positions: Floats
+    radii: Floats
+    velocities: Floats
+    material_rows: Floats
+    numbers: dict[str, float]
+
+    @property
+    def angle_deg(self) -> float:
+        """The scanned repose angle, the one that is calibrated."""
+        return self.scan.mean
+
+    @property
+    def angle_sd_deg(self) -> float:
+        """Standard error over the sectors; the scatter between seeds is the noise that counts."""
+        return self.scan.standard_error
+
+    @property
+    def literal_angle_deg(self) -> float:
+        return self.literal.mean
+
+    @property
+    def r_m(self) -> Floats:
+        return self.profile.radius
+
+    @property
+    def h_m(self) -> Floats:
+        return self.profile.height
+
+    @property
+    def h_low_m(self) -> Floats:
+        return self.profile.low
+
+    @property
+    def h_high_m(self) -> Floats:
+        return self.profile.high
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, JSON-able, with units in the names."""
+        t = self.test
+        return {
+            "angle_deg": self.angle_deg,
+            "angle_standard_error_deg": self.angle_sd_deg,
+            "sector_angles_deg": [None if math.isnan(a) else float(a) for a in self.scan.sectors],
+            "fit_intercept_m": self.scan.intercept,
+            "literal_angle_deg": self.literal_angle_deg,
+            "literal_standard_error_deg": self.literal.standard_error,
+            "literal_share_of_bins_under_3": self.literal_share_few,
+            **self.numbers,
+            "profile": {
+                "r_m": self.r_m.tolist(),
+                "h_m": self.h_m.tolist(),
+                "h_low_m": self.h_low_m.tolist(),
+                "h_high_m": self.h_high_m.tolist(),
+            },
+            "material": t.material.name,
+            "scale": t.scale,
+            "seed": t.seed,
+            "fill_level": t.fill_level,
+            "time_step_preset": t.time_step,
+            "diameters_across_base_radius": t.diameters_across_base,
+            "parameters": dataclasses.asdict(t.parameters),
+            "rig": dataclasses.asdict(t.rig),
+        }
+
+    def write(self, path: Path) -> None:
+        """The pile as VTKHDF, with the summary inside the file."""
+        write_spheres(
+            path,
+            self.positions,
+            self.radii,
+            {"Velocity": self.velocities, "Material": self.material_rows},
+            self.summary(),
+        )
+
+
+def measure_pile(run: PileRun) -> PileResult:
+    """Read the pile of a finished run. Raises NoResult when the base holds nothing to measure."""
+    s, test = run.simulation, run.test
+    base = test.rig.base_radius
+    state = s.particles.state
+    on = (np.hypot(state[:, X], state[:, X + 1]) < base) & (state[:, Z] > 0.0)
+    if not on.any():
+        raise NoResult("nothing lies on the base: no pile to measure")
+    state, rows = state[on], s.particles.material[on]
+    position, radius = state[:, X : Z + 1].copy(), state[:, R].copy()
+    field = scan_heights(position, radius, base)
+    literal, few = literal_reading(position, base, test.rig.circular_sectors, test.rig.radial_sectors)
+    numbers = {
+        "mass_on_base_kg": float(state[:, M].sum()),
+        "mass_filled_kg": float(run.initial[:, 1].sum()),
+        "fill_height_m": run.fill_height,
+        "apex_height_m": float(field.height.max()),
+        "discharge_t90_s": _discharge_time(run, 0.9),
+        "particles_filled": len(run.initial),
+        "particles_on_base": int(on.sum()),
+        "simulated_s": s.time,
+        "settled_at_s": run.removed_at * s.dt,
+        "time_step_s": s.dt,
+        "steps": s.step,
+        "neighbour_searches": s.searches,
+        "particle_steps": run.particle_steps,
+        "wall_s": run.wall_seconds,
+    }
+    return PileResult(
+        test,
+        surface_scan(field, base),
+        literal,
+        few,
+        heap_profile(field, base),
+        position,
+        radius,
+        state[:, VX : VZ + 1].copy(),
+        rows,
+        numbers,
+    )
+
+
+def _discharge_time(run: PileRun, share: float) -> float:
+    """Seconds after removal until `share` of all mass that left had left."""
+    if not run.simulation.left:
+        return 0.0
+    left = np.array(run.simulation.left)
+    mass = np.cumsum(run.initial[left[:, 0], 1])
+    k = int(np.searchsorted(mass, share * mass[-1]))
+    return float((left[min(k, len(left) - 1), 1] - run.removed_at) * run.simulation.dt)

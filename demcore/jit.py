@@ -1,0 +1,79 @@
+"""The one place for Numba options, so that decorators stay typed and every kernel obeys the same arithmetic.
+
+No fastmath: every kernel keeps IEEE order, so that serial and threaded runs, and a run that was resumed, give
+the same bits. `error_model="numpy"` drops Python's division checks from the inner loops.
+
+Numba's cache looks only at the file of the compiled function, not at the laws that it inlines from other
+modules. So the cache folder carries a hash of all demcore sources: an edit anywhere starts a new cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.extending import overload
+
+
+
+def sources_hash(folder: Path) -> str:
+    """Hash of every Python file below `folder`, names and contents, in order."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+_HERE = Path(__file__).parent
+_CACHE_BASE = Path(os.environ.get("NUMBA_CACHE_DIR") or _HERE / "__pycache__")
+numba.config.CACHE_DIR = str(_CACHE_BASE / f"numba-{sources_hash(_HERE)}")
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """A compiled, cached loop that releases the interpreter lock."""
+    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+def parallel_kernel(function: F) -> F:
+    """As `kernel`, with prange on Numba's threads.
+
+    Numba's cache tells functions apart by name and code but not by options, so this is compiled under a name of
+    its own: the same source may also be a serial kernel.
+    """
+    twin = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__)
+    twin.__qualname__ = f"{function.__qualname__}_threaded"
+    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)(twin))
+
+
+def leaf(function: F) -> F:
+    """A pure scalar function that LLVM inlines into its kernel."""
+    return cast(F, numba.njit(error_model="numpy", forceinline=True)(function))
+
+
+prange = numba.prange
+
+
+def law_dispatch(laws: dict[type, Callable[..., Any]], generic: F) -> F:
+    """Let `generic(law, ...)` call the implementation that belongs to the type of `law`.
+
+    The choice is made while compiling, from the NamedTuple's type, so a composed contact model costs nothing at
+    run time; without JIT, `generic` itself looks the implementation up.
+    """
+
+    def choose(law: Any, *arguments: Any) -> Callable[..., Any]:
+        implementation = laws[law.instance_class]
+
+        def call(law: Any, *arguments: Any) -> Any:
+            return implementation(law, *arguments)
+
+        return call
+
+    overload(generic, jit_options={"error_model": "numpy", "forceinline": True}, strict=False)(choose)
+    return generic

@@ -1,0 +1,213 @@
+"""Materials: what a grain is made of and how large it is. Importable without numba.
+
+Notation: d diameter, m; w mass share of a size class. Inside a class mass is uniform in d, so the number
+density falls as d^-3.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from demcore.errors import InputError
+
+
+@dataclass(frozen=True)
+class SizeClass:
+    """Diameters from `lower` to `upper` (m) hold the share `mass_share` of the mass."""
+
+    lower: float
+    upper: float
+    mass_share: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.lower) and self.lower > 0.0):
+            raise InputError("sizes.lower", self.lower, "a positive diameter in m")
+        if not (math.isfinite(self.upper) and self.upper >= self.lower):
+            raise InputError("sizes.upper", self.upper, f"at least the lower limit {self.lower:g} m")
+        if not (math.isfinite(self.mass_share) and self.mass_share > 0.0):
+            raise InputError("sizes.mass_share", self.mass_share, "more than 0 (leave an empty class out)")
+
+    @property
+    def number_mean_cube(self) -> float:
+        """Mean of d^3 over particles, m^3: (b - a) / integral of d^-3, the density that is uniform in mass."""
+        if self.upper == self.lower:
+            return self.lower**3
+        return (self.upper - self.lower) / (0.5 * (self.lower**-2 - self.upper**-2))
+
+
+@dataclass(frozen=True)
+class SizeDistribution:
+    """Mass shares per size class; shares must sum to 1 within 1e-6 and classes must not overlap."""
+
+    classes: tuple[SizeClass, ...]
+
+    def __post_init__(self) -> None:
+        if not self.classes:
+            raise InputError("sizes", [], "at least one size class")
+        total = sum(c.mass_share for c in self.classes)
+        if abs(total - 1.0) > 1e-6:
+            raise InputError("sizes.mass_share", total, "shares that sum to 1")
+        for before, after in zip(self.classes, self.classes[1:], strict=False):
+            if after.lower < before.upper - 1e-12:
+                raise InputError("sizes.lower", after.lower, f"at least {before.upper:g} m, classes in order")
+
+    @property
+    def smallest(self) -> float:
+        return self.classes[0].lower
+
+    @property
+    def largest(self) -> float:
+        return self.classes[-1].upper
+
+    @property
+    def number_mean_cube(self) -> float:
+        """Mean of d^3 over all particles, m^3."""
+        return 1.0 / sum(c.mass_share / c.number_mean_cube for c in self.classes)
+
+    @property
+    def mean_diameter(self) -> float:
+        """Diameter of the particle of mean volume, m."""
+        return float(self.number_mean_cube ** (1.0 / 3.0))
+
+    @property
+    def median_by_mass(self) -> float:
+        """Diameter below which half of the mass lies, m."""
+        below = 0.0
+        for c in self.classes:
+            if below + c.mass_share >= 0.5:
+                return c.lower + (c.upper - c.lower) * (0.5 - below) / c.mass_share
+            below += c.mass_share
+        return self.largest
+
+    def sample(self, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """`count` diameters (m), in random order.
+
+        Stratified over the number distribution, so that even a few hundred particles hold the mass shares.
+        """
+        weights = np.array([c.mass_share / c.number_mean_cube for c in self.classes])
+        cumulative = np.concatenate([[0.0], np.cumsum(weights / weights.sum())])
+        u = (np.arange(count) + rng.random(count)) / count
+        index = np.clip(np.searchsorted(cumulative, u, side="right") - 1, 0, len(self.classes) - 1)
+        inside = (u - cumulative[index]) / np.diff(cumulative)[index]
+        lower = np.array([c.lower for c in self.classes])[index]
+        upper = np.array([c.upper for c in self.classes])[index]
+        d = (lower**-2 - inside * (lower**-2 - upper**-2)) ** -0.5
+        rng.shuffle(d)
+        return np.asarray(d, dtype=np.float64)
+
+
+def coarse_grain(sizes: SizeDistribution, scale: float) -> SizeDistribution:
+    """All diameters times `scale` (coarse-graining: fewer, larger particles in the same container)."""
+    if not (math.isfinite(scale) and scale > 0.0):
+        raise InputError("scale", scale, "a positive factor")
+    return SizeDistribution(
+        tuple(SizeClass(c.lower * scale, c.upper * scale, c.mass_share) for c in sizes.classes)
+    )
+
+
+def cut_off(sizes: SizeDistribution, low: float, high: float) -> SizeDistribution:
+    """Merge the mass below `low` and above `high` (m) into the neighbouring class inside.
+
+    A class that straddles a limit is cut there and keeps its mass. Raises InputError when nothing is left.
+    """
+    inside = [c for c in sizes.classes if c.upper > low and c.lower < high]
+    if not inside or low >= high:
+        raise InputError("cut_off", (low, high), f"limits that leave a class of {sizes}")
+    kept = [replace(c, lower=max(c.lower, low), upper=min(c.upper, high)) for c in inside]
+    below = sum(c.mass_share for c in sizes.classes if c.upper <= low)
+    above = sum(c.mass_share for c in sizes.classes if c.lower >= high)
+    kept[0] = replace(kept[0], mass_share=kept[0].mass_share + below)
+    kept[-1] = replace(kept[-1], mass_share=kept[-1].mass_share + above)
+    return SizeDistribution(tuple(kept))
+
+
+@dataclass(frozen=True)
+class WallRestitution:
+    """The share of a material's mass that rebounds from steel with this restitution."""
+
+    value: float
+    mass_share: float
+
+
+@dataclass(frozen=True)
+class Material:
+    """A granular material in SI units, with the repose angle that a calibration aims at.
+
+    `packing_fraction` turns the published bulk density into a particle density (physics.md section 1, choice).
+    """
+
+    name: str
+    bulk_density: float
+    packing_fraction: float
+    youngs_modulus: float
+    poisson_ratio: float
+    long_term_damping: float
+    dynamic_friction_ratio: float
+    wall_restitution: tuple[WallRestitution, ...]
+    sizes: SizeDistribution
+    target_deg: float
+    window_deg: tuple[float, float]
+    constraints: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check("bulk_density", self.bulk_density, 1.0, 30_000.0, "kg/m3")
+        _check("packing_fraction", self.packing_fraction, 0.3, 0.74, "")
+        _check("youngs_modulus", self.youngs_modulus, 1e4, 1e12, "Pa")
+        _check("poisson_ratio", self.poisson_ratio, 0.0, 0.5, "")
+        _check("long_term_damping", self.long_term_damping, 0.0, 2.0, "")
+        _check("dynamic_friction_ratio", self.dynamic_friction_ratio, 0.0, 1.0, "")
+        for mix in self.wall_restitution:
+            _check("wall_restitution.value", mix.value, 0.05, 1.0, "")
+            _check("wall_restitution.mass_share", mix.mass_share, 1e-6, 1.0, "")
+        total = sum(mix.mass_share for mix in self.wall_restitution)
+        if abs(total - 1.0) > 1e-6:
+            raise InputError("wall_restitution.mass_share", total, "shares that sum to 1")
+
+    @property
+    def particle_density(self) -> float:
+        """kg/m3: bulk density over packing fraction."""
+        return self.bulk_density / self.packing_fraction
+
+
+def _check(field: str, value: float, lower: float, upper: float, unit: str) -> None:
+    if not (math.isfinite(value) and lower <= value <= upper):
+        raise InputError(field, value, f"{lower:g} to {upper:g} {unit}".rstrip())
+
+
+def _table() -> dict[str, dict[str, Any]]:
+    text = files("demcore").joinpath("data/materials.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def material_names() -> tuple[str, ...]:
+    return tuple(_table())
+
+
+def load_material(name: str) -> Material:
+    """The material shipped under `name`. Raises InputError for an unknown one."""
+    table = _table()
+    if name not in table:
+        raise InputError("material", name, "one of " + ", ".join(table))
+    row = table[name]
+    sizes = tuple(SizeClass(c["lower_mm"] / 1e3, c["upper_mm"] / 1e3, c["mass_share"]) for c in row["sizes"])
+    return Material(
+        name=name,
+        bulk_density=row["bulk_density_kg_m3"],
+        packing_fraction=row["packing_fraction"],
+        youngs_modulus=row["youngs_modulus_pa"],
+        poisson_ratio=row["poisson_ratio"],
+        long_term_damping=row["long_term_damping"],
+        dynamic_friction_ratio=row["dynamic_friction_ratio"],
+        wall_restitution=tuple(WallRestitution(m["value"], m["mass_share"]) for m in row["wall_restitution"]),
+        sizes=SizeDistribution(sizes),
+        target_deg=row["target_deg"],
+        window_deg=(row["window_deg"][0], row["window_deg"][1]),
+        constraints=tuple(row["constraints"]),
+    )

@@ -1,0 +1,336 @@
+"""Neighbour search: sort along slabs and a Morton curve, bin by size level, list pairs, carry their history.
+
+Notation: r radius; skin extra reach, m; level l holds radii in (r_max 2^-(l+1), r_max 2^-l], so that small
+particles are searched in small cells whatever the size ratio; owner of a pair is the lower index.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from demcore.forces import HISTORY_WIDTH, Neighbours, Walls
+from demcore.geometry.walls import wall_distance
+from demcore.jit import kernel, leaf, parallel_kernel, prange
+from demcore.particles import R, X, Z, Floats, Particles
+
+Integers = NDArray[np.int64]
+
+MOST_SLABS = 64
+CELLS_PER_PARTICLE = 8
+
+
+class Grid(NamedTuple):
+    """Cells of all levels in one array. level (N,); size (L,), m; dims (L, 3); offset (L,) into start;
+    items in cell c: item[start[c]:start[c + 1]], ascending."""
+
+    level: NDArray[np.int64]
+    largest: Floats
+    size: Floats
+    dims: Integers
+    offset: Integers
+    origin: Floats
+    start: Integers
+    item: NDArray[np.int32]
+
+
+def slab_bounds(sorted_position: Floats, width: float) -> Floats:
+    """Lower bounds of slabs at least `width` thick with about equal numbers of particles, first one -inf."""
+    extent = sorted_position[-1] - sorted_position[0]
+    wanted = int(max(1, min(MOST_SLABS, extent // width)))
+    share = len(sorted_position) / wanted
+    bounds = [sorted_position[0]]
+    while True:
+        here = np.searchsorted(sorted_position, bounds[-1])
+        quantile = sorted_position[min(len(sorted_position) - 1, int(here + share))]
+        following = max(bounds[-1] + width, quantile)
+        # The last slab keeps the rest: a remainder thinner than `width` would let a pair skip a slab.
+        if following + width > sorted_position[-1]:
+            break
+        bounds.append(following)
+    bounds[0] = -np.inf
+    return np.array(bounds)
+
+
+@kernel
+def spatial_keys(position: Floats, slab: Integers, origin: Floats, cell: float) -> Integers:
+    """Sort keys: slab first, then the Morton code of a 16-bit cell."""
+    keys = np.empty(len(slab), np.int64)
+    for i in range(len(slab)):
+        code = 0
+        for c in range(3):
+            q = min(max(int((position[i, c] - origin[c]) / cell), 0), 65535)
+            q = (q | (q << 16)) & 0x0000FF0000FF
+            q = (q | (q << 8)) & 0x00F00F00F00F
+            q = (q | (q << 4)) & 0x0C30C30C30C3
+            q = (q | (q << 2)) & 0x249249249249
+            code |= q << c
+        keys[i] = (slab[i] << 48) | code
+    return keys
+
+
+def spatial_order(position: Floats, radius: Floats, skin: float) -> tuple[Integers, Integers]:
+    """Order of the particles along slabs and a Morton curve, and the slabs' first particles (S + 1,)."""
+    lowest = position.min(axis=0)
+    axis = int(np.argmax(position.max(axis=0) - lowest))
+    along = position[:, axis]
+    bounds = slab_bounds(np.sort(along), 2.0 * float(radius.max()) + skin)
+    slab = np.searchsorted(bounds, along, side="right") - 1
+    # Stable and nearly sorted input: timsort makes the repeated sort cheap.
+    keys = spatial_keys(position, slab, lowest, 2.0 * float(radius.mean()))
+    order = np.argsort(keys, kind="stable")
+    return order, np.searchsorted(slab[order], np.arange(len(bounds) + 1))
+
+
+@kernel
+def bin_particles(state: Floats, cell_of: Integers, grid: Grid) -> None:
+    """Counting sort of the particles into the cells of their level."""
+    start = grid.start
+    for i in range(len(cell_of)):
+        level = grid.level[i]
+        cell = 0
+        for c in range(3):
+            q = int((state[i, c] - grid.origin[c]) / grid.size[level])
+            cell = cell * grid.dims[level, c] + min(max(q, 0), grid.dims[level, c] - 1)
+        cell_of[i] = grid.offset[level] + cell
+        start[cell_of[i] + 1] += 1
+    for c in range(len(start) - 1):
+        start[c + 1] += start[c]
+    fill = start[:-1].copy()
+    for i in range(len(cell_of)):
+        grid.item[fill[cell_of[i]]] = i
+        fill[cell_of[i]] += 1
+
+
+def build_grid(state: Floats, skin: float) -> Grid:
+    """Bin particles by size level; see `Grid`."""
+    radius = state[:, R]
+    largest, smallest = float(radius.max()), float(radius.min())
+    levels = int(np.floor(np.log2(largest / smallest) + 1e-9)) + 1
+    level = np.minimum(np.floor(np.log2(largest / radius) + 1e-9).astype(np.int64), levels - 1)
+    biggest = largest * 0.5 ** np.arange(levels)
+    # The level is computed with a tolerance, so a radius may exceed its level's bound by rounding.
+    biggest *= 1.0 + 1e-6
+    size = 2.0 * biggest + skin
+    position = state[:, X : Z + 1]
+    origin = position.min(axis=0)
+    extent = position.max(axis=0) - origin
+    # Few cells when particles are spread over a large box: memory stays linear in their number.
+    most = CELLS_PER_PARTICLE * len(radius) + 4096
+    for k in range(levels):
+        while np.prod(np.floor(extent / size[k]) + 1.0) > most:
+            size[k] *= 1.26
+    dims = (np.floor(extent / size[:, None]) + 1).astype(np.int64)
+    cells = dims.prod(axis=1)
+    offset = np.concatenate([[0], np.cumsum(cells)[:-1]]).astype(np.int64)
+    start = np.zeros(int(cells.sum()) + 1, np.int64)
+    item = np.empty(len(radius), np.int32)
+    grid = Grid(level, biggest, size, dims, offset, origin, start, item)
+    bin_particles(state, np.empty(len(radius), np.int64), grid)
+    return grid
+
+
+@kernel
+def find_partners(
+    first: int, last: int, state: Floats, grid: Grid, skin: float, found: NDArray[np.int32], count: Integers
+) -> int:
+    """Partners j > i within reach of particles first to last - 1, one after another into `found`.
+
+    Returns how many there are; when that is more than `found` holds, the surplus was counted only.
+    """
+    total = 0
+    for i in range(first, last):
+        before = total
+        x, y, z, r = state[i, 0], state[i, 1], state[i, 2], state[i, 3]
+        for level in range(len(grid.size)):
+            reach = r + grid.largest[level] + skin
+            inverse = 1.0 / grid.size[level]
+            dx, dy, dz = x - grid.origin[0], y - grid.origin[1], z - grid.origin[2]
+            nx, ny, nz = grid.dims[level, 0], grid.dims[level, 1], grid.dims[level, 2]
+            for cx in range(max(0, int((dx - reach) * inverse)), min(nx - 1, int((dx + reach) * inverse)) + 1):
+                for cy in range(
+                    max(0, int((dy - reach) * inverse)), min(ny - 1, int((dy + reach) * inverse)) + 1
+                ):
+                    row = grid.offset[level] + (cx * ny + cy) * nz
+                    z0 = max(0, int((dz - reach) * inverse))
+                    z1 = min(nz - 1, int((dz + reach) * inverse))
+                    # Cells along z lie side by side: one run of items.
+                    for q in range(grid.start[row + z0], grid.start[row + z1 + 1]):
+                        j = grid.item[q]
+                        if j <= i:
+                            continue
+                        ax, ay, az = x - state[j, 0], y - state[j, 1], z - state[j, 2]
+                        limit = r + state[j, 3] + skin
+                        if ax * ax + ay * ay + az * az < limit * limit:
+                            if total < len(found):
+                                found[total] = j
+                            total += 1
+        count[i] = total - before
+    return total
+
+
+@leaf
+def carry_pair(
+    i: int, j: int, k: int, order: Integers, old: Neighbours, history: Floats
+) -> None:
+    """Copy the history of pair (i, j) from the list before the search, if it had one.
+
+    The owner may have changed with the order: spring and couple are kept for the owner, so they turn sign.
+    """
+    a, b = order[i], order[j]
+    low, high = min(a, b), max(a, b)
+    for q in range(old.start[low], old.start[low + 1]):
+        if old.partner[q] == high:
+            sign = 1.0 if a < b else -1.0
+            for c in range(4):
+                history[k, c] = old.history[q, c]
+            for c in range(4, HISTORY_WIDTH):
+                history[k, c] = sign * old.history[q, c]
+            return
+
+
+@kernel
+def fill_rows(
+    first: int,
+    last: int,
+    found: NDArray[np.int32],
+    state: Floats,
+    order: Integers,
+    old: Neighbours,
+    new: Neighbours,
+) -> None:
+    """Write the rows of particles first to last - 1 and carry their histories."""
+    q = 0
+    for i in range(first, last):
+        for k in range(new.start[i], new.start[i + 1]):
+            j = found[q]
+            q += 1
+            new.partner[k] = j
+            for c in range(HISTORY_WIDTH):
+                new.history[k, c] = 0.0
+            dx, dy, dz = state[i, 0] - state[j, 0], state[i, 1] - state[j, 1], state[i, 2] - state[j, 2]
+            reach = state[i, 3] + state[j, 3]
+            # Only a contact has a history. One that has just opened loses it here as it would in the loop.
+            if dx * dx + dy * dy + dz * dz < reach * reach:
+                carry_pair(i, j, k, order, old, new.history)
+
+
+@kernel
+def list_walls(
+    state: Floats, walls: Walls, skin: float, order: Integers, old: Neighbours
+) -> tuple[Integers, NDArray[np.int32], Floats]:
+    """Walls within reach of each particle, with the histories of those that touched before."""
+    start = np.zeros(len(state) + 1, np.int64)
+    for i in range(len(state)):
+        start[i + 1] = start[i]
+        for w in range(len(walls.kind)):
+            if walls.kind[w] >= 0:
+                d, _ = wall_distance(walls.kind[w], walls.data[w], state[i, 0], state[i, 1], state[i, 2])
+                if d < state[i, 3] + skin:
+                    start[i + 1] += 1
+    index = np.empty(start[-1], np.int32)
+    history = np.zeros((start[-1], HISTORY_WIDTH))
+    k = 0
+    for i in range(len(state)):
+        for w in range(len(walls.kind)):
+            if walls.kind[w] < 0:
+                continue
+            d, _ = wall_distance(walls.kind[w], walls.data[w], state[i, 0], state[i, 1], state[i, 2])
+            if d >= state[i, 3] + skin:
+                continue
+            index[k] = w
+            for q in range(old.wall_start[order[i]], old.wall_start[order[i] + 1]):
+                if old.wall_index[q] == w:
+                    history[k] = old.wall_history[q]
+            k += 1
+    return start, index, history
+
+
+def empty_neighbours(count: int) -> Neighbours:
+    """A list without a pair, for `count` particles: what the first search carries history from."""
+    return Neighbours(
+        np.zeros(count + 1, np.int64),
+        np.zeros(0, np.int32),
+        np.zeros((0, HISTORY_WIDTH)),
+        np.zeros(count + 1, np.int64),
+        np.zeros(0, np.int32),
+        np.zeros((0, HISTORY_WIDTH)),
+        np.array([0, count]),
+    )
+
+
+def _find_all(
+    slabs: Integers, state: Floats, grid: Grid, skin: float, room: int, found: Any, count: Integers, needed: Integers
+) -> None:
+    for k in prange(len(slabs) - 1):
+        out = found[slabs[k] * room : slabs[k + 1] * room]
+        needed[k] = find_partners(slabs[k], slabs[k + 1], state, grid, skin, out, count)
+
+
+def _fill_all(
+    slabs: Integers, room: int, found: Any, state: Floats, order: Integers, old: Neighbours, new: Neighbours
+) -> None:
+    for k in prange(len(slabs) - 1):
+        out = found[slabs[k] * room : slabs[k + 1] * room]
+        fill_rows(slabs[k], slabs[k + 1], out, state, order, old, new)
+
+
+_SEARCH: dict[bool, tuple[Any, Any]] = {
+    False: (kernel(_find_all), kernel(_fill_all)),
+    True: (parallel_kernel(_find_all), parallel_kernel(_fill_all)),
+}
+
+
+def search(
+    particles: Particles,
+    neighbours: Neighbours,
+    walls: Walls,
+    skin: float,
+    keep: NDArray[np.bool_] | None = None,
+    threaded: bool = False,
+) -> tuple[Particles, Neighbours]:
+    """Sort the particles (those in `keep`), list all pairs and walls within reach + skin, carry histories.
+
+    Same result, to the bit, with and without threads.
+    """
+    alive = np.arange(len(particles.number)) if keep is None else np.flatnonzero(keep)
+    if len(alive) == 0:
+        gone = Particles(*(a[:0].copy() for a in particles))
+        return gone, empty_neighbours(0)
+    state = particles.state[alive]
+    order, slabs = spatial_order(state[:, X : Z + 1], state[:, R], skin)
+    order_of_old = alive[order]
+    state = state[order]
+    fresh = Particles(
+        state,
+        particles.force[order_of_old],
+        particles.material[order_of_old],
+        particles.number[order_of_old],
+        state[:, X : Z + 1].copy(),
+    )
+    find_all, fill_all = _SEARCH[threaded]
+    grid = build_grid(state, skin)
+    count = np.zeros(len(state), np.int64)
+    needed = np.zeros(len(slabs) - 1, np.int64)
+    room = 8
+    while True:
+        found = np.empty(len(state) * room, np.int32)
+        find_all(slabs, state, grid, skin, room, found, count, needed)
+        if (needed <= np.diff(slabs) * room).all():
+            break
+        room *= 2
+    start = np.concatenate([[0], np.cumsum(count)])
+    wall_start, wall_index, wall_history = list_walls(state, walls, skin, order_of_old, neighbours)
+    new = Neighbours(
+        start,
+        np.empty(int(start[-1]), np.int32),
+        np.empty((int(start[-1]), HISTORY_WIDTH)),
+        wall_start,
+        wall_index,
+        wall_history,
+        slabs,
+    )
+    fill_all(slabs, room, found, state, order_of_old, neighbours, new)
+    return fresh, new

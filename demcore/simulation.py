@@ -1,0 +1,145 @@
+"""The simulation loop: search neighbours when needed, advance in compiled chunks, forget who left.
+
+All state is plain arrays; between two chunks a simulation can be saved and loaded again, and goes on with the
+same bits (checkpoint.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from demcore.case import MaterialTable
+from demcore.contact.model import ContactModel
+from demcore.errors import BlowUp
+from demcore.forces import Neighbours, Tables, Walls
+from demcore.geometry.walls import WALL_WIDTH, Wall
+from demcore.integrator import advance_serial, advance_threaded
+from demcore.neighbours import empty_neighbours, search
+from demcore.particles import M, R, VX, VZ, WX, WZ, I, Particles, X, Z
+
+GRAVITY = (0.0, 0.0, -9.81)
+# Share of the smallest radius: longer lists against rarer searches; flat optimum between .2 and .5.
+SKIN = 0.3
+# The contact laws mean nothing beyond an overlap of this share of the smaller radius.
+LARGEST_OVERLAP = 0.5
+
+
+@dataclass
+class Simulation:
+    """A bed of particles between walls. `dt` s; particles below `floor` (z, m) or beyond `reach` (|x|, |y|)
+    leave, and are logged in `left`: (number, step) rows at the search that noticed."""
+
+    particles: Particles
+    walls: Walls
+    model: ContactModel
+    table: MaterialTable
+    dt: float
+    gravity: NDArray[np.float64] = field(default_factory=lambda: np.array(GRAVITY))
+    floor: float = -np.inf
+    reach: float = np.inf
+    threaded: bool = False
+    skin: float = 0.0
+    step: int = 0
+    searches: int = 0
+    neighbours: Neighbours = field(default_factory=lambda: empty_neighbours(0))
+    wall_way: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+    stale: bool = True
+    left: list[tuple[int, int]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._tables = Tables(*self.table.arrays())
+        if not self.skin:
+            self.skin = SKIN * float(self.particles.state[:, R].min())
+        if len(self.neighbours.start) != len(self.particles.number) + 1:
+            self.neighbours = empty_neighbours(len(self.particles.number))
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self.step * self.dt
+
+    @property
+    def count(self) -> int:
+        return len(self.particles.number)
+
+    def advance(self, steps: int) -> None:
+        """Make `steps` steps. Raises BlowUp when a number is no longer finite or an overlap is absurd."""
+        end = self.step + steps
+        advance = advance_threaded if self.threaded else advance_serial
+        while self.step < end:
+            if self.stale:
+                self._search()
+            if self.count == 0:
+                self.step = end
+                break
+            made, self.stale = advance(
+                end - self.step,
+                self.particles,
+                self.neighbours,
+                self.walls,
+                *self.model,
+                self._tables,
+                self.gravity,
+                self.dt,
+                self.skin,
+                self.wall_way,
+            )
+            self.step += int(made)
+
+    def _search(self) -> None:
+        state = self.particles.state
+        bad = ~np.isfinite(state).all(axis=1)
+        if bad.any():
+            number = int(self.particles.number[np.flatnonzero(bad)[0]])
+            raise BlowUp(f"particle {number} is no longer finite at {self.time:.4f} s")
+        keep = (
+            (state[:, Z] >= self.floor) & (np.abs(state[:, X]) <= self.reach) & (np.abs(state[:, X + 1]) <= self.reach)
+        )
+        self.left += [(int(number), self.step) for number in self.particles.number[~keep]]
+        self.particles, self.neighbours = search(
+            self.particles, self.neighbours, self.walls, self.skin, keep, self.threaded
+        )
+        self.wall_way[0] = 0.0
+        self.searches += 1
+        self.stale = False
+
+    def check_overlaps(self) -> float:
+        """Largest overlap over the owner's radius; raises BlowUp above LARGEST_OVERLAP."""
+        lists = self.neighbours
+        if self.stale or self.count == 0:
+            return 0.0
+        owner = np.repeat(np.arange(self.count), np.diff(lists.start))
+        radius = self.particles.state[:, R]
+        smaller = np.minimum(radius[owner], radius[lists.partner])
+        share = lists.history[:, 1] / smaller
+        worst = float(share.max(initial=0.0))
+        if worst > LARGEST_OVERLAP:
+            k = int(share.argmax())
+            number = int(self.particles.number[owner[k]])
+            raise BlowUp(
+                f"particle {number} overlaps its neighbour by {worst:.0%} of the radius at {self.time:.4f} s"
+            )
+        return worst
+
+    def remove_wall(self, index: int) -> None:
+        """Let a wall vanish now; its number stays taken, so that histories of the others keep their keys."""
+        self.walls.kind[index] = -1
+        self.stale = True
+
+    @property
+    def kinetic_energy(self) -> float:
+        """J, of travel and spin."""
+        s = self.particles.state
+        return float(
+            0.5 * (s[:, M] * (s[:, VX : VZ + 1] ** 2).sum(axis=1) + s[:, I] * (s[:, WX : WZ + 1] ** 2).sum(axis=1)).sum()
+        )
+
+
+def wall_arrays(walls: Sequence[Wall]) -> Walls:
+    """Walls as the kernels read them, in order."""
+    data = np.array([w.row() for w in walls]) if walls else np.zeros((0, WALL_WIDTH))
+    return Walls(np.array([w.kind_number for w in walls], np.int64), data)
