@@ -25,9 +25,14 @@ class ParameterRange:
     default_upper: float
     meaning: str
 
+    @property
+    def default_value(self) -> float:
+        """The middle of the default search range: the value where a study neither searches nor fixes it."""
+        return round((self.default_lower + self.default_upper) / 2.0, 12)
+
 
 # The four variables of the paper (section 2.1). The default ranges hold its optima (Table 5) with room on
-# both sides; the outer limits are the contact model's own (e = 0 would make the unloading stiffness infinite).
+# both sides; the outer limits are the contact model's own (e = 0 makes the unloading stiffness infinite).
 PARAMETERS: Mapping[str, ParameterRange] = {
     "particle_particle_static_friction": ParameterRange(
         0.0, 2.0, 0.1, 0.9, "Coulomb friction between particles before they slide"
@@ -112,7 +117,9 @@ class SearchSpace:
 
     def from_unit(self, u: Sequence[float]) -> tuple[float, ...]:
         """Physical values, snapped to the steps."""
-        return tuple(v.snap(v.lower + a * (v.upper - v.lower)) for a, v in zip(u, self.variables, strict=True))
+        return tuple(
+            v.snap(v.lower + a * (v.upper - v.lower)) for a, v in zip(u, self.variables, strict=True)
+        )
 
     def as_dict(self, x: Sequence[float]) -> dict[str, float]:
         return dict(zip(self.names, x, strict=True))

@@ -1,0 +1,76 @@
+"""The web application: routers, error answers and limits around one database."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from service.api import designs, events, health, jobs, materials, studies
+from service.api.body_limit import BodyLimit
+from service.api.problems import ProblemBody, install_handlers
+from service.db.session import Database
+from service.settings import Settings, get_settings
+
+VERSION = "0.1.0"
+DESCRIPTION = """Calibrates the contact parameters of granular materials: asks a DEM pile test for the repose
+angle of a parameter set, learns, proposes the next one, and ends with a certified optimum.
+
+Every error is problem+json (RFC 9457). Numbers are SI unless their name says otherwise (`angle_deg`)."""
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """The application for `settings` (default: the process's). It connects when first asked."""
+    settings = settings or get_settings()
+    database = Database(settings.resolved_database_url)
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        yield
+        database.dispose()
+
+    app = FastAPI(
+        title="Talus",
+        version=VERSION,
+        description=DESCRIPTION,
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+    )
+    app.state.settings = settings
+    app.state.database = database
+    for module in (materials, studies, events, designs, jobs, health):
+        app.include_router(module.router)
+    install_handlers(app)
+    app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes)
+    app.openapi = lambda: _document(app)  # type: ignore[method-assign]
+    return app
+
+
+def _document(app: FastAPI) -> dict[str, Any]:
+    """OpenAPI with the one error schema, which the routes only refer to."""
+    if app.openapi_schema is None:
+        document = get_openapi(
+            title=app.title, version=app.version, description=app.description, routes=app.routes
+        )
+        schema = ProblemBody.model_json_schema(ref_template="#/components/schemas/{model}")
+        schemas = document["components"]["schemas"]
+        schemas.update(schema.pop("$defs", {}))
+        schemas["ProblemBody"] = schema
+        app.openapi_schema = document
+    return app.openapi_schema
+
+
+def document_text(app: FastAPI) -> str:
+    """The OpenAPI document as it is committed."""
+    return json.dumps(app.openapi(), indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    # `python -m service.app > docs/openapi.json` renews the committed document.
+    sys.stdout.write(document_text(create_app()))

@@ -1,0 +1,257 @@
+"""The tables. Everything that was asked for, computed or lost is a row here.
+
+Times are seconds since 1970 by the database's clock (`clock.database_now`). Numbers outside SI say so in
+their names. JSON columns hold plain JSON: no NaN, no pickles.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Any, ClassVar
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    CheckConstraint,
+    Double,
+    Enum,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Text,
+    UniqueConstraint,
+    text,
+)
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+from service.db.clock import database_now
+from service.domain.states import DesignState, JobKind, JobState, StudyState, Verdict
+
+# SQLite only numbers rows by itself in a column of type INTEGER.
+Id = BigInteger().with_variant(Integer(), "sqlite")
+
+
+class Base(DeclarativeBase):
+    """All tables, with constraint names that a later migration can address on both databases."""
+
+    metadata = MetaData(
+        naming_convention={
+            "ix": "ix_%(column_0_label)s",
+            "uq": "uq_%(table_name)s_%(column_0_name)s",
+            "ck": "ck_%(table_name)s_%(constraint_name)s",
+            "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
+            "pk": "pk_%(table_name)s",
+        }
+    )
+    type_annotation_map: ClassVar[dict[Any, Any]] = {
+        dict[str, Any]: JSON(none_as_null=True),
+        float: Double(),
+        int: BigInteger(),
+    }
+
+
+def _stored(states: type[StrEnum], name: str) -> Enum:
+    """A text column that takes the enum's values only; a CHECK says so to the database, too."""
+    return Enum(
+        states,
+        name=name,
+        native_enum=False,
+        create_constraint=True,
+        length=16,
+        values_callable=lambda members: [m.value for m in members],
+    )
+
+
+class StudyRow(Base):
+    """One calibration: what was asked for, how far it is, and what it ended with."""
+
+    __tablename__ = "studies"
+    __table_args__ = (
+        UniqueConstraint("idempotency_key"),
+        {"sqlite_autoincrement": True},
+    )
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    state: Mapped[StudyState] = mapped_column(_stored(StudyState, "state"), default=StudyState.RUNNING)
+    material: Mapped[str] = mapped_column(String(64))
+    spec: Mapped[dict[str, Any]]
+    space_hash: Mapped[str] = mapped_column(String(64))
+    seed: Mapped[int]
+    budget: Mapped[int]
+    feasible: Mapped[int] = mapped_column(default=0)
+    unfeasible: Mapped[int] = mapped_column(default=0)
+    error: Mapped[int] = mapped_column(default=0)
+    stop_reason: Mapped[str | None] = mapped_column(String(32))
+    stop_text: Mapped[str | None] = mapped_column(Text)
+    stop_numbers: Mapped[dict[str, Any] | None]
+    recommendation: Mapped[dict[str, Any] | None]
+    idempotency_key: Mapped[str | None] = mapped_column(String(200))
+    request_hash: Mapped[str | None] = mapped_column(String(64))
+    created_at: Mapped[float] = mapped_column(default=database_now())
+    ended_at: Mapped[float | None]
+
+
+class DesignRow(Base):
+    """One simulated parameter set: why it was proposed, what was predicted for it, and what came out."""
+
+    __tablename__ = "designs"
+    __table_args__ = (
+        UniqueConstraint("study_id", "number"),
+        # The seed is part of a design's key: the same x with another seed is a replicate, with the same seed
+        # a mistake. A cancelled design gave nothing, so it may be proposed again.
+        Index(
+            "uq_designs_key",
+            "study_id",
+            "x_hash",
+            "scale",
+            "seed",
+            unique=True,
+            sqlite_where=text("state <> 'CANCELLED'"),
+            postgresql_where=text("state <> 'CANCELLED'"),
+        ),
+        {"sqlite_autoincrement": True},
+    )
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    study_id: Mapped[int] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
+    number: Mapped[int]
+    x: Mapped[dict[str, Any]]
+    x_hash: Mapped[str] = mapped_column(String(64))
+    scale: Mapped[float]
+    seed: Mapped[int]
+    origin: Mapped[str] = mapped_column(String(16))
+    prediction: Mapped[dict[str, Any] | None]
+    acquisition: Mapped[float | None]
+    reason: Mapped[str] = mapped_column(Text)
+    training_hash: Mapped[str | None] = mapped_column(String(64))
+    hyperparameters: Mapped[dict[str, Any] | None]
+    state: Mapped[DesignState] = mapped_column(_stored(DesignState, "state"), default=DesignState.WAITING)
+    verdict: Mapped[Verdict | None] = mapped_column(_stored(Verdict, "verdict"))
+    angle_deg: Mapped[float | None]
+    angle_sd_deg: Mapped[float | None]
+    literal_angle_deg: Mapped[float | None]
+    results: Mapped[dict[str, Any] | None]
+    failure_class: Mapped[str | None] = mapped_column(String(32))
+    failure_text: Mapped[str | None] = mapped_column(Text)
+    created_at: Mapped[float] = mapped_column(default=database_now())
+    started_at: Mapped[float | None]
+    ended_at: Mapped[float | None]
+
+
+class JobRow(Base):
+    """A piece of work for a worker. This row is the truth; the message in the broker only says "look here".
+
+    `attempt` is the fence: a worker may only write where the attempt is still its own. `max_attempts` bounds
+    the attempts that were lost; one that was given back in order, or repeated by a retry rule, raises it.
+    """
+
+    __tablename__ = "jobs"
+    __table_args__ = (
+        CheckConstraint("(kind = 'simulate') = (design_id is not null)", name="design"),
+        Index("ix_jobs_state_published_at", "state", "published_at"),
+        Index("ix_jobs_created_at_id", "created_at", "id"),
+        Index("ix_jobs_study_id", "study_id"),
+        Index("ix_jobs_design_id", "design_id"),
+        Index(
+            "uq_jobs_open_design",
+            "design_id",
+            unique=True,
+            sqlite_where=text("state in ('queued', 'running')"),
+            postgresql_where=text("state in ('queued', 'running')"),
+        ),
+        Index(
+            "uq_jobs_open_study",
+            "study_id",
+            unique=True,
+            sqlite_where=text("kind <> 'simulate' and state in ('queued', 'running')"),
+            postgresql_where=text("kind <> 'simulate' and state in ('queued', 'running')"),
+        ),
+    )
+
+    id: Mapped[str] = mapped_column(String(36), primary_key=True)
+    kind: Mapped[JobKind] = mapped_column(_stored(JobKind, "kind"))
+    study_id: Mapped[int] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
+    design_id: Mapped[int | None] = mapped_column(ForeignKey("designs.id", ondelete="CASCADE"))
+    state: Mapped[JobState] = mapped_column(_stored(JobState, "state"), default=JobState.QUEUED)
+    attempt: Mapped[int] = mapped_column(default=0)
+    max_attempts: Mapped[int]
+    time_step_factor: Mapped[float] = mapped_column(default=1.0)
+    lease_until: Mapped[float | None]
+    worker_id: Mapped[str | None] = mapped_column(String(36))
+    published_at: Mapped[float | None]
+    publications: Mapped[int] = mapped_column(default=0)
+    progress: Mapped[dict[str, Any] | None]
+    cancel_requested: Mapped[bool] = mapped_column(default=False)
+    checkpoint: Mapped[dict[str, Any] | None]
+    failure_text: Mapped[str | None] = mapped_column(Text)
+    created_at: Mapped[float] = mapped_column(default=database_now())
+    ended_at: Mapped[float | None]
+
+
+class RunRow(Base):
+    """One attempt at a job, with what it cost and how it ended (`exit_class` None: it still runs)."""
+
+    __tablename__ = "runs"
+    __table_args__ = (UniqueConstraint("job_id", "attempt"),)
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    job_id: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"))
+    attempt: Mapped[int]
+    worker_id: Mapped[str] = mapped_column(String(36))
+    started_at: Mapped[float] = mapped_column(default=database_now())
+    ended_at: Mapped[float | None]
+    exit_class: Mapped[str | None] = mapped_column(String(32))
+    exit_text: Mapped[str | None] = mapped_column(Text)
+    time_step_factor: Mapped[float] = mapped_column(default=1.0)
+    code_version: Mapped[str | None] = mapped_column(String(64))
+    time_step_s: Mapped[float | None]
+    steps: Mapped[int | None]
+    wall_s: Mapped[float | None]
+    cpu_s: Mapped[float | None]
+    memory_mb: Mapped[float | None]
+
+
+class ArtifactRow(Base):
+    """A file of a design, fetched by this id; `path` (below the artifact folder) never leaves the service."""
+
+    __tablename__ = "artifacts"
+    __table_args__ = (UniqueConstraint("design_id", "kind"), {"sqlite_autoincrement": True})
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    design_id: Mapped[int] = mapped_column(ForeignKey("designs.id", ondelete="CASCADE"))
+    kind: Mapped[str] = mapped_column(String(16))
+    file_name: Mapped[str] = mapped_column(String(100))
+    media_type: Mapped[str] = mapped_column(String(100))
+    sha256: Mapped[str] = mapped_column(String(64))
+    size_bytes: Mapped[int]
+    path: Mapped[str] = mapped_column(String(200))
+    created_at: Mapped[float] = mapped_column(default=database_now())
+
+
+class EventRow(Base):
+    """Something that happened to a study. The id only grows within a study: a client's cursor."""
+
+    __tablename__ = "events"
+    __table_args__ = (Index("ix_events_study_id_id", "study_id", "id"), {"sqlite_autoincrement": True})
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    study_id: Mapped[int] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
+    kind: Mapped[str] = mapped_column(String(32))
+    data: Mapped[dict[str, Any]]
+    created_at: Mapped[float] = mapped_column(default=database_now())
+
+
+class ProcessRow(Base):
+    """A running process of the service (worker or dispatcher): when it was last seen, and what it saw."""
+
+    __tablename__ = "processes"
+
+    id: Mapped[str] = mapped_column(String(36), primary_key=True)
+    role: Mapped[str] = mapped_column(String(16))
+    host: Mapped[str] = mapped_column(String(200))
+    pid: Mapped[int]
+    started_at: Mapped[float] = mapped_column(default=database_now())
+    seen_at: Mapped[float] = mapped_column(default=database_now())
+    problem: Mapped[str | None] = mapped_column(Text)

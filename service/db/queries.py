@@ -1,0 +1,212 @@
+"""The job store's statements: claim, beat, finish, give back and reap, each one fenced statement.
+
+A statement that answers None (or False) found the fence closed: another attempt, or nobody, owns the job now.
+The caller then writes nothing more. Nothing here commits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import and_, case, or_, select, update
+from sqlalchemy.orm import Session
+
+from service.db.clock import database_now
+from service.db.models import JobRow, StudyRow
+from service.domain.states import JobKind, JobState, sources
+
+# A published job that nobody claimed is published again after this long times the square of its publications:
+# a lost message is soon replaced, and a long backlog is not buried under copies of itself (9 an hour).
+REPUBLISH_AFTER_S = 15.0
+
+_UNPUBLISHED = {"lease_until": None, "published_at": None, "publications": 0}
+
+
+@dataclass(frozen=True)
+class Lease:
+    """The right to write for a job: its id and the attempt that owns it."""
+
+    job_id: str
+    attempt: int
+
+
+def now(session: Session) -> float:
+    """The database's clock: seconds since 1970."""
+    return float(session.scalars(select(database_now())).one())
+
+
+def lock_study(session: Session, study_id: int) -> StudyRow | None:
+    """The study's row, locked until the commit (SQLite: the whole database is, by BEGIN IMMEDIATE).
+
+    Every transaction that changes a study's designs, jobs or events takes this lock first. So events of one
+    study become visible in the order of their ids, nothing that is due is overlooked, and nothing deadlocks.
+    """
+    statement = select(StudyRow).where(StudyRow.id == study_id).with_for_update()
+    return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
+
+
+def study_of_job(session: Session, job_id: str) -> int | None:
+    """The id of the study that a job belongs to; it never changes."""
+    return session.scalars(select(JobRow.study_id).where(JobRow.id == job_id)).one_or_none()
+
+
+def claim(session: Session, job_id: str, worker_id: str, lease_s: float) -> JobRow | None:
+    """queued -> running for `worker_id`; None when the message was a duplicate, or the job is over."""
+    statement = (
+        update(JobRow)
+        .where(
+            JobRow.id == job_id,
+            JobRow.state.in_(sources(JobState.RUNNING)),
+            JobRow.cancel_requested.is_(False),
+        )
+        .values(
+            state=JobState.RUNNING,
+            attempt=JobRow.attempt + 1,
+            worker_id=worker_id,
+            lease_until=database_now() + lease_s,
+            progress=None,
+        )
+        .returning(JobRow)
+        .execution_options(populate_existing=True)
+    )
+    return session.scalars(statement).one_or_none()
+
+
+def beat(session: Session, lease: Lease, lease_s: float, progress: dict[str, Any] | None) -> bool | None:
+    """Extend the lease, store the progress; the cancel flag comes back. None: fenced, stop, write nothing.
+
+    A lease that ran out but was not reaped yet may be extended: nobody else owns the job.
+    """
+    values: dict[str, Any] = {"lease_until": database_now() + lease_s}
+    if progress is not None:
+        values["progress"] = progress
+    statement = update(JobRow).where(_owned(lease)).values(values).returning(JobRow.cancel_requested)
+    return session.execute(statement).scalar_one_or_none()
+
+
+def finish(session: Session, lease: Lease, state: JobState, failure_text: str | None = None) -> bool:
+    """running -> done, failed or cancelled, where the attempt is still this one."""
+    statement = (
+        update(JobRow)
+        .where(_owned(lease), JobRow.state.in_(sources(state)))
+        .values(state=state, ended_at=database_now(), lease_until=None, failure_text=failure_text)
+        .returning(JobRow.id)
+    )
+    return session.execute(statement).scalar_one_or_none() is not None
+
+
+def give_back(
+    session: Session, lease: Lease, counts: bool, time_step_factor: float | None = None
+) -> JobRow | None:
+    """running -> queued where the attempt is still this one; cancelled where that was asked meanwhile.
+
+    `counts`: the attempt uses up one of the job's attempts (it failed for want of memory, say); an orderly
+    stop and a repetition by rule do not. `time_step_factor` is for the next attempts.
+    """
+    values: dict[str, Any] = {
+        "state": case((JobRow.cancel_requested, JobState.CANCELLED.value), else_=JobState.QUEUED.value),
+        "ended_at": case((JobRow.cancel_requested, database_now()), else_=None),
+        "max_attempts": JobRow.max_attempts + (0 if counts else 1),
+        **_UNPUBLISHED,
+    }
+    if time_step_factor is not None:
+        values["time_step_factor"] = time_step_factor
+    statement = update(JobRow).where(_owned(lease)).values(values).returning(JobRow)
+    return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
+
+
+def reap(session: Session, lease: Lease) -> JobRow | None:
+    """An attempt whose lease ran out: queued again, failed if it was the last, cancelled if that was asked.
+
+    None: the worker came back, or another reaper was faster.
+    """
+    exhausted = JobRow.attempt >= JobRow.max_attempts
+    over = or_(JobRow.cancel_requested, exhausted)
+    statement = (
+        update(JobRow)
+        .where(_owned(lease), JobRow.lease_until < database_now())
+        .values(
+            state=case(
+                (JobRow.cancel_requested, JobState.CANCELLED.value),
+                (exhausted, JobState.FAILED.value),
+                else_=JobState.QUEUED.value,
+            ),
+            ended_at=case((over, database_now()), else_=None),
+            failure_text=case(
+                (
+                    and_(exhausted, JobRow.cancel_requested.is_(False)),
+                    "lost: the worker vanished at every attempt",
+                ),
+                else_=None,
+            ),
+            **_UNPUBLISHED,
+        )
+        .returning(JobRow)
+        .execution_options(populate_existing=True)
+    )
+    return session.scalars(statement).one_or_none()
+
+
+def cancel_queued(session: Session, job_id: str) -> bool:
+    """queued -> cancelled; False when it is not queued (any more)."""
+    statement = (
+        update(JobRow)
+        .where(JobRow.id == job_id, JobRow.state == JobState.QUEUED)
+        .values(state=JobState.CANCELLED, cancel_requested=True, ended_at=database_now())
+        .returning(JobRow.id)
+    )
+    return session.execute(statement).scalar_one_or_none() is not None
+
+
+def ask_to_cancel(session: Session, job_id: str) -> bool:
+    """Raise the flag of a running job; its worker sees it at the next beat. False: it is not running."""
+    statement = (
+        update(JobRow)
+        .where(JobRow.id == job_id, JobRow.state == JobState.RUNNING)
+        .values(cancel_requested=True)
+        .returning(JobRow.id)
+    )
+    return session.execute(statement).scalar_one_or_none() is not None
+
+
+def expired(session: Session, limit: int = 100) -> Sequence[tuple[Lease, int]]:
+    """Running jobs whose lease ran out, with their studies; `reap` decides about each."""
+    statement = (
+        select(JobRow.id, JobRow.attempt, JobRow.study_id)
+        .where(JobRow.state == JobState.RUNNING, JobRow.lease_until < database_now())
+        .order_by(JobRow.lease_until)
+        .limit(limit)
+    )
+    return [(Lease(row.id, row.attempt), row.study_id) for row in session.execute(statement)]
+
+
+def to_publish(session: Session, limit: int = 500) -> Sequence[tuple[str, JobKind]]:
+    """Queued jobs that no message tells of, or whose message has been out for too long; oldest first."""
+    waited = database_now() - JobRow.published_at
+    patience = REPUBLISH_AFTER_S * JobRow.publications * JobRow.publications
+    statement = (
+        select(JobRow.id, JobRow.kind)
+        .where(
+            JobRow.state == JobState.QUEUED,
+            or_(JobRow.published_at.is_(None), waited > patience, waited < 0.0),
+        )
+        .order_by(JobRow.created_at, JobRow.id)
+        .limit(limit)
+    )
+    return [(row.id, JobKind(row.kind)) for row in session.execute(statement)]
+
+
+def mark_published(session: Session, job_ids: Sequence[str]) -> None:
+    """These have a message in the broker now. One that was claimed meanwhile keeps what it has."""
+    session.execute(
+        update(JobRow)
+        .where(JobRow.id.in_(job_ids), JobRow.state == JobState.QUEUED)
+        .values(published_at=database_now(), publications=JobRow.publications + 1),
+        execution_options={"synchronize_session": False},
+    )
+
+
+def _owned(lease: Lease) -> Any:
+    return and_(JobRow.id == lease.job_id, JobRow.attempt == lease.attempt, JobRow.state == JobState.RUNNING)

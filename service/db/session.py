@@ -1,0 +1,89 @@
+"""One Database per process: engine, and transactions for writing and for reading.
+
+SQLite begins a writing transaction with BEGIN IMMEDIATE. A plain BEGIN takes the write lock only at the first
+write, and then fails at once ("database is locked") when another writer came between, whatever the time-out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event, make_url
+from sqlalchemy.orm import Session
+
+from service.db.file_system import refuse_network_file_system
+
+# How long a statement waits for another writer, and a connection for the server; then the client gets a 503.
+LOCK_TIMEOUT_S = 5.0
+
+READ_ONLY = "talus_read_only"
+
+
+class Database:
+    """Opens transactions on one database. Connects when first used; safe to share between threads."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self.engine = make_engine(url)
+
+    @contextmanager
+    def writing(self) -> Iterator[Session]:
+        """A transaction that is committed at the end of the block, or rolled back by an exception."""
+        with Session(self.engine, expire_on_commit=False) as session, session.begin():
+            yield session
+
+    @contextmanager
+    def reading(self) -> Iterator[Session]:
+        """A consistent view that never waits for a writer on SQLite; nothing is committed."""
+        connection = self.engine.connect().execution_options(**{READ_ONLY: True})
+        with connection, Session(connection, expire_on_commit=False) as session:
+            yield session
+
+    def dispose(self) -> None:
+        """Close all connections, for instance before a fork."""
+        self.engine.dispose()
+
+
+def make_engine(url: str) -> Engine:
+    """An engine with the service's rules: strict JSON, SQLite in WAL with foreign keys, bounded waits."""
+    parsed = make_url(url)
+    dumps = partial(json.dumps, allow_nan=False)
+    if parsed.get_backend_name() == "sqlite":
+        if parsed.database is None or parsed.database in ("", ":memory:"):
+            raise ValueError("SQLite in memory is private to one connection; name a file")
+        path = Path(parsed.database)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        refuse_network_file_system(path)
+        engine = create_engine(parsed, json_serializer=dumps, connect_args={"timeout": LOCK_TIMEOUT_S})
+        event.listen(engine, "connect", _set_up_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+        return engine
+    options = f"-c lock_timeout={int(LOCK_TIMEOUT_S * 1000)} -c statement_timeout=30000"
+    return create_engine(
+        parsed,
+        json_serializer=dumps,
+        pool_pre_ping=True,
+        pool_timeout=LOCK_TIMEOUT_S,
+        connect_args={"connect_timeout": int(LOCK_TIMEOUT_S), "options": options},
+    )
+
+
+def _set_up_sqlite(connection: Any, _record: Any) -> None:
+    # Turns the driver's own BEGIN off: _begin_sqlite says which one.
+    connection.isolation_level = None
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA journal_mode=WAL")
+    # FULL: a commit that was answered survives a power cut. NORMAL loses the last ones.
+    cursor.execute("PRAGMA synchronous=FULL")
+    cursor.execute("PRAGMA foreign_keys=ON")
+    cursor.close()
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    read_only = connection.get_execution_options().get(READ_ONLY, False)
+    connection.exec_driver_sql("BEGIN" if read_only else "BEGIN IMMEDIATE")

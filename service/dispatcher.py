@@ -1,0 +1,126 @@
+"""The dispatcher: tells the broker of queued jobs, and takes jobs from workers that vanished.
+
+It runs as its own process. Any number may run: what two do at once is harmless, because a doubled message
+finds its job claimed, and reaping is fenced.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+import uuid
+
+import structlog
+from sqlalchemy.exc import DBAPIError
+
+from service.db import queries
+from service.db.presence import report_end, report_presence
+from service.db.session import Database
+from service.queue import BrokerAway, Publisher
+from service.settings import Settings, get_settings
+from service.studies.reap_job import reap_job
+
+PASS_SECONDS = 0.2
+REPORT_EVERY_S = 2.0
+
+log = structlog.get_logger(__name__)
+
+
+class Dispatcher:
+    """One dispatcher's passes over the job table."""
+
+    def __init__(self, database: Database, publisher: Publisher) -> None:
+        self._database = database
+        self._publisher = publisher
+        self._id = str(uuid.uuid4())
+        self._problem: str | None = None
+
+    def publish(self) -> int:
+        """Publish what needs a message, oldest first; the number published."""
+        with self._database.reading() as session:
+            waiting = queries.to_publish(session)
+        sent: list[str] = []
+        try:
+            for job_id, kind in waiting:
+                self._publisher.publish(kind, job_id)
+                sent.append(job_id)
+                self._tell_broker(None)
+        except BrokerAway as error:
+            self._tell_broker(str(error))
+        if sent:
+            # After sending: a crash in between doubles a message, the other order would lose it for a while.
+            with self._database.writing() as session:
+                queries.mark_published(session, sent)
+        return len(sent)
+
+    def reap(self) -> int:
+        """Take over every job whose lease ran out; the number taken."""
+        with self._database.reading() as session:
+            expired = queries.expired(session)
+        taken = 0
+        for lease, study_id in expired:
+            with self._database.writing() as session:
+                state = reap_job(session, lease, study_id)
+            if state is not None:
+                taken += 1
+                log.warning("lease ran out", job=lease.job_id, attempt=lease.attempt, now=state.value)
+        return taken
+
+    def report(self) -> None:
+        """Say that this dispatcher lives, and whether it reaches the broker."""
+        try:
+            self._publisher.check()
+            self._tell_broker(None)
+        except BrokerAway as error:
+            self._tell_broker(str(error))
+        with self._database.writing() as session:
+            report_presence(session, self._id, "dispatcher", socket.gethostname(), os.getpid(), self._problem)
+
+    def say_goodbye(self) -> None:
+        """Take the presence back at an orderly end."""
+        with self._database.writing() as session:
+            report_end(session, self._id)
+
+    def _tell_broker(self, problem: str | None) -> None:
+        if (problem is None) != (self._problem is None):
+            log.warning("broker away" if problem else "broker is back", problem=problem)
+        self._problem = problem
+
+
+def run_dispatcher(settings: Settings, stop: threading.Event) -> None:
+    """Pass after pass until `stop` is set. A database or broker that is away is waited for."""
+    database = Database(settings.resolved_database_url)
+    with Publisher(settings.resolved_broker_url) as publisher:
+        dispatcher = Dispatcher(database, publisher)
+        passes_per_report = max(1, round(REPORT_EVERY_S / PASS_SECONDS))
+        count = 0
+        while not stop.is_set():
+            try:
+                dispatcher.reap()
+                dispatcher.publish()
+                if count % passes_per_report == 0:
+                    dispatcher.report()
+                count += 1
+            except DBAPIError as error:
+                log.warning("database away", problem=str(error.orig))
+                stop.wait(1.0)
+            stop.wait(PASS_SECONDS)
+        try:
+            dispatcher.say_goodbye()
+        except DBAPIError as error:
+            log.warning("database away at the end", problem=str(error.orig))
+    database.dispose()
+
+
+def main() -> None:
+    """`python -m service.dispatcher`: until SIGTERM or SIGINT."""
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda _number, _frame: stop.set())
+    run_dispatcher(get_settings(), stop)
+
+
+if __name__ == "__main__":
+    main()

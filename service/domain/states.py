@@ -1,0 +1,107 @@
+"""The states of designs, jobs and studies, and the one table of allowed changes for each.
+
+Everything that changes a state asks here: SQL statements through `sources`, Python through `require_change`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+
+class DesignState(StrEnum):
+    """Where a design (one simulated parameter set) stands."""
+
+    WAITING = "WAITING"
+    RUNNING = "RUNNING"
+    COMPLETE = "COMPLETE"
+    FAILED = "FAILED"
+    CANCELLED = "CANCELLED"
+
+
+class JobState(StrEnum):
+    """Where a piece of work for a worker stands."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+class StudyState(StrEnum):
+    """Where a study stands. FINISHING and CANCELLING propose nothing new and wait for what is in flight."""
+
+    RUNNING = "running"
+    FINISHING = "finishing"
+    CANCELLING = "cancelling"
+    COMPLETED = "completed"
+    CANCELLED = "cancelled"
+    FAILED = "failed"
+
+
+class JobKind(StrEnum):
+    """What a job does: propose the next design, simulate one, or recommend the study's optimum at its end."""
+
+    PROPOSE = "propose"
+    SIMULATE = "simulate"
+    RECOMMEND = "recommend"
+
+
+class Verdict(StrEnum):
+    """What a finished design says about the objective."""
+
+    FEASIBLE = "feasible"
+    UNFEASIBLE = "unfeasible"
+    ERROR = "error"
+
+
+State = DesignState | JobState | StudyState
+
+# RUNNING -> WAITING and running -> queued: the attempt was lost, given back, or is repeated by a retry rule.
+ALLOWED_CHANGES: Mapping[State, frozenset[State]] = {
+    DesignState.WAITING: frozenset({DesignState.RUNNING, DesignState.CANCELLED}),
+    DesignState.RUNNING: frozenset(
+        {DesignState.WAITING, DesignState.COMPLETE, DesignState.FAILED, DesignState.CANCELLED}
+    ),
+    DesignState.COMPLETE: frozenset(),
+    DesignState.FAILED: frozenset(),
+    DesignState.CANCELLED: frozenset(),
+    JobState.QUEUED: frozenset({JobState.RUNNING, JobState.CANCELLED}),
+    JobState.RUNNING: frozenset({JobState.QUEUED, JobState.DONE, JobState.FAILED, JobState.CANCELLED}),
+    JobState.DONE: frozenset(),
+    JobState.FAILED: frozenset(),
+    JobState.CANCELLED: frozenset(),
+    StudyState.RUNNING: frozenset({StudyState.FINISHING, StudyState.CANCELLING, StudyState.FAILED}),
+    StudyState.FINISHING: frozenset({StudyState.CANCELLING, StudyState.COMPLETED, StudyState.FAILED}),
+    StudyState.CANCELLING: frozenset({StudyState.CANCELLED, StudyState.FAILED}),
+    StudyState.COMPLETED: frozenset(),
+    StudyState.CANCELLED: frozenset(),
+    StudyState.FAILED: frozenset(),
+}
+
+OPEN_DESIGNS = (DesignState.WAITING, DesignState.RUNNING)
+OPEN_JOBS = (JobState.QUEUED, JobState.RUNNING)
+
+
+class ChangeNotAllowed(RuntimeError):
+    """A state change that the table does not have."""
+
+    def __init__(self, current: State, new: State) -> None:
+        super().__init__(f"{type(current).__name__} {current.value} cannot become {new.value}")
+
+
+def sources(new: State) -> tuple[State, ...]:
+    """The states from which `new` may be entered."""
+    return tuple(current for current, targets in ALLOWED_CHANGES.items() if new in targets)
+
+
+def require_change(current: State, new: State) -> None:
+    """Raise ChangeNotAllowed unless the table has `current` -> `new`."""
+    if new not in ALLOWED_CHANGES[current]:
+        raise ChangeNotAllowed(current, new)
+
+
+def is_over(state: State) -> bool:
+    """True where no change is left."""
+    return not ALLOWED_CHANGES[state]

@@ -1,0 +1,79 @@
+"""Queue the next job that a study is due, if any: a proposal, or the recommendation at its end.
+
+The rule that makes studies repeatable is here: design n is proposed once all designs up to n - parallel are
+over, and sees exactly those. Who finished first, or died on the way, changes nothing.
+"""
+
+from __future__ import annotations
+
+import uuid
+
+from sqlalchemy import exists, func, select
+from sqlalchemy.orm import Session
+
+from service.db import queries
+from service.db.models import DesignRow, JobRow, StudyRow
+from service.domain.states import OPEN_DESIGNS, OPEN_JOBS, JobKind, StudyState, require_change
+from service.studies.record_event import record_study_event
+
+# The first attempt and two more after a lost worker or a want of memory (calibration.md, decision 3).
+ATTEMPTS = 3
+
+
+def advance_study(session: Session, study: StudyRow) -> None:
+    """Call it, holding the study's lock, after every change; it adds at most one job."""
+    session.flush()
+    if study.state is StudyState.RUNNING:
+        if not _has_open(session, study, JobKind.PROPOSE) and _is_due(session, study):
+            add_job(session, study.id, JobKind.PROPOSE)
+    elif study.state in (StudyState.FINISHING, StudyState.CANCELLING):
+        if _has_open(session, study):
+            return
+        if _has_designs(session, study):
+            add_job(session, study.id, JobKind.RECOMMEND)
+        else:
+            end_study(session, study)
+
+
+def end_study(session: Session, study: StudyRow) -> None:
+    """FINISHING -> COMPLETED, CANCELLING -> CANCELLED."""
+    ends = {StudyState.FINISHING: StudyState.COMPLETED, StudyState.CANCELLING: StudyState.CANCELLED}
+    new = ends[study.state]
+    require_change(study.state, new)
+    study.state = new
+    study.ended_at = queries.now(session)
+    record_study_event(session, study, "study_finished")
+
+
+def add_job(session: Session, study_id: int, kind: JobKind, design_id: int | None = None) -> JobRow:
+    """A queued job; the dispatcher publishes it after the commit."""
+    job = JobRow(
+        id=str(uuid.uuid4()), kind=kind, study_id=study_id, design_id=design_id, max_attempts=ATTEMPTS
+    )
+    session.add(job)
+    return job
+
+
+def next_number(session: Session, study_id: int) -> int:
+    """The number of the design to be proposed next; numbers have no gaps."""
+    last = session.scalar(select(func.max(DesignRow.number)).where(DesignRow.study_id == study_id))
+    return (last or 0) + 1
+
+
+def _is_due(session: Session, study: StudyRow) -> bool:
+    basis = next_number(session, study.id) - int(study.spec["parallel"])
+    waits = exists().where(
+        DesignRow.study_id == study.id, DesignRow.number <= basis, DesignRow.state.in_(OPEN_DESIGNS)
+    )
+    return not session.scalar(select(waits))
+
+
+def _has_open(session: Session, study: StudyRow, kind: JobKind | None = None) -> bool:
+    found = exists().where(JobRow.study_id == study.id, JobRow.state.in_(OPEN_JOBS))
+    if kind is not None:
+        found = found.where(JobRow.kind == kind)
+    return bool(session.scalar(select(found)))
+
+
+def _has_designs(session: Session, study: StudyRow) -> bool:
+    return bool(session.scalar(select(exists().where(DesignRow.study_id == study.id))))

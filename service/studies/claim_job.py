@@ -1,0 +1,60 @@
+"""Take a job that a message told of, and everything that is needed to do it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sqlalchemy.orm import Session
+
+from service.db import queries
+from service.db.models import DesignRow, RunRow
+from service.db.queries import Lease
+from service.domain.history import StudyHistory
+from service.domain.spec_record import spec_from_record
+from service.domain.states import DesignState, JobKind, require_change
+from service.domain.study import StudySpec
+from service.studies.read_history import read_history, read_whole_history
+from service.studies.record_event import record_design_event
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claimed job. `x` and `seed` are of the design to simulate; `history` is for the other kinds."""
+
+    lease: Lease
+    kind: JobKind
+    study_id: int
+    spec: StudySpec
+    time_step_factor: float
+    attempts_left: int
+    design_id: int | None = None
+    design_number: int | None = None
+    x: tuple[float, ...] = ()
+    seed: int = 0
+    history: StudyHistory | None = None
+
+
+def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> Claim | None:
+    """None when there is nothing to claim: the message was a duplicate, forged, or came too late."""
+    study_id = queries.study_of_job(session, job_id)
+    study = queries.lock_study(session, study_id) if study_id is not None else None
+    job = queries.claim(session, job_id, worker_id, lease_s) if study is not None else None
+    if study is None or job is None:
+        return None
+    session.add(
+        RunRow(job_id=job.id, attempt=job.attempt, worker_id=worker_id, time_step_factor=job.time_step_factor)
+    )
+    lease = Lease(job.id, job.attempt)
+    spec, left = spec_from_record(study.spec), job.max_attempts - job.attempt
+    if job.kind is not JobKind.SIMULATE:
+        read = read_history if job.kind is JobKind.PROPOSE else read_whole_history
+        history = read(session, study)
+        return Claim(lease, job.kind, study.id, spec, job.time_step_factor, left, history=history)
+    design = session.get_one(DesignRow, job.design_id)
+    require_change(design.state, DesignState.RUNNING)
+    design.state = DesignState.RUNNING
+    design.started_at = queries.now(session)
+    record_design_event(session, design, "design_started", attempt=job.attempt)
+    x = tuple(float(design.x[name]) for name in spec.space.names)
+    factor = job.time_step_factor
+    return Claim(lease, job.kind, study.id, spec, factor, left, design.id, design.number, x, design.seed)

@@ -1,0 +1,45 @@
+"""Read what the next proposal, or the recommendation, may be based on."""
+
+from __future__ import annotations
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.db.models import DesignRow, StudyRow
+from service.domain.history import FinishedDesign, PendingDesign, StudyHistory
+from service.domain.spec_record import spec_from_record
+from service.domain.states import DesignState, is_over
+from service.studies.advance_study import next_number
+
+
+def read_history(session: Session, study: StudyRow) -> StudyHistory:
+    """For design n: designs up to n - parallel as finished, the others as pending even if they are over.
+
+    Cancelled designs are ignored (calibration.md, decision 3).
+    """
+    number = next_number(session, study.id)
+    return _history(session, study, number, basis=number - int(study.spec["parallel"]))
+
+
+def read_whole_history(session: Session, study: StudyRow) -> StudyHistory:
+    """For the recommendation: every design that is over."""
+    number = next_number(session, study.id)
+    return _history(session, study, number, basis=number - 1)
+
+
+def _history(session: Session, study: StudyRow, number: int, basis: int) -> StudyHistory:
+    spec = spec_from_record(study.spec)
+    rows = session.scalars(
+        select(DesignRow)
+        .where(DesignRow.study_id == study.id, DesignRow.state != DesignState.CANCELLED)
+        .order_by(DesignRow.number)
+    )
+    finished: list[FinishedDesign] = []
+    pending: list[PendingDesign] = []
+    for row in rows:
+        x = tuple(float(row.x[name]) for name in spec.space.names)
+        if row.number <= basis and is_over(row.state):
+            finished.append(FinishedDesign(row.number, x, row.seed, row.angle_deg, row.origin))
+        else:
+            pending.append(PendingDesign(row.number, x, row.seed, row.origin))
+    return StudyHistory(spec, number, tuple(finished), tuple(pending))

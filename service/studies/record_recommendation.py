@@ -1,0 +1,29 @@
+"""Record the optimum that a study ends with, and end it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from service.db.queries import Lease
+from service.domain.outcome import RunCost
+from service.domain.states import JobState, is_over
+from service.studies.advance_study import end_study
+from service.studies.close_run import close_run
+from service.studies.finish_job import finish_job
+
+
+def record_recommendation(
+    session: Session, lease: Lease, recommendation: Mapping[str, Any] | None, cost: RunCost | None = None
+) -> bool:
+    """False: the lease was lost, nothing is written. `recommendation` None: no design has an angle."""
+    ended = finish_job(session, lease, JobState.DONE)
+    if ended is None:
+        return False
+    close_run(session, lease, "done", cost=cost)
+    if not is_over(ended.study.state):
+        ended.study.recommendation = dict(recommendation) if recommendation is not None else None
+        end_study(session, ended.study)
+    return True

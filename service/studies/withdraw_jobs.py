@@ -1,0 +1,37 @@
+"""Take back a study's open jobs: queued ones end at once, running ones are asked to stop."""
+
+from __future__ import annotations
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.db import queries
+from service.db.models import DesignRow, JobRow, StudyRow
+from service.domain.states import OPEN_JOBS, DesignState, JobKind, JobState, require_change
+from service.studies.record_event import record_design_event
+
+
+def withdraw_jobs(session: Session, study: StudyRow) -> None:
+    """Needs the study's lock. A recommendation under way is let through: it ends the study soonest."""
+    open_jobs = select(JobRow).where(
+        JobRow.study_id == study.id, JobRow.state.in_(OPEN_JOBS), JobRow.kind != JobKind.RECOMMEND
+    )
+    for job in session.scalars(open_jobs).all():
+        withdraw_job(session, job)
+
+
+def withdraw_job(session: Session, job: JobRow) -> bool:
+    """False: the job was over already. Needs the study's lock."""
+    if job.state is JobState.QUEUED and queries.cancel_queued(session, job.id):
+        if job.design_id is not None:
+            cancel_design(session, session.get_one(DesignRow, job.design_id, populate_existing=True))
+        return True
+    return queries.ask_to_cancel(session, job.id)
+
+
+def cancel_design(session: Session, design: DesignRow) -> None:
+    """WAITING or RUNNING -> CANCELLED: it has no verdict and no proposal sees it."""
+    require_change(design.state, DesignState.CANCELLED)
+    design.state = DesignState.CANCELLED
+    design.ended_at = queries.now(session)
+    record_design_event(session, design, "design_finished")

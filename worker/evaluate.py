@@ -1,0 +1,125 @@
+"""A design becomes numbers: parameters -> pile test -> angle, results and files."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from demcore.experiments.pile_test import ContactParameters, PileResult, PileTest, Progress, run_pile_test
+from demcore.material import load_material
+from demcore.rig import load_rig
+from service.domain.outcome import PileMeasurement, StoredArtifact
+from service.domain.search_space import PARAMETERS
+from service.studies.claim_job import Claim
+from worker.picture import draw_pile
+
+Report = Callable[[Mapping[str, Any]], bool]
+
+
+def evaluate(claim: Claim, report: Report, artifacts_dir: Path) -> PileMeasurement:
+    """Simulate the claimed design. `report` gets the progress and answers False to stop.
+
+    Raises demcore.errors.SimulationError (Cancelled after a False).
+    """
+    result = run_pile_test(pile_test(claim), on_progress=lambda progress: report(as_progress(progress)))
+    results = plain(result.summary())
+    results["profile"] = plain(
+        {name: getattr(result, name) for name in ("r_m", "h_m", "h_low_m", "h_high_m")}
+    )
+    return PileMeasurement(
+        angle_deg=float(result.angle_deg),
+        angle_sd_deg=finite(result.angle_sd_deg),
+        literal_angle_deg=finite(result.literal_angle_deg),
+        results=results,
+        artifacts=store_files(result, artifacts_dir),
+    )
+
+
+def pile_test(claim: Claim) -> PileTest:
+    """The virtual experiment of a design: searched values, then fixed ones, then defaults."""
+    spec = claim.spec
+    defaults = {name: limit.default_value for name, limit in PARAMETERS.items()}
+    values = {**defaults, **spec.fixed, **spec.space.as_dict(claim.x)}
+    return PileTest(
+        material=load_material(spec.material),
+        rig=load_rig(spec.material),
+        parameters=ContactParameters(**values),
+        scale=spec.scale,
+        seed=claim.seed,
+        fill_level=spec.fill_level,
+        time_step=spec.time_step,
+        time_step_factor=claim.time_step_factor,
+    )
+
+
+def as_progress(progress: Progress) -> dict[str, Any]:
+    """What the job's row shows of a running simulation."""
+    shown = (
+        "phase",
+        "time_s",
+        "particles",
+        "kinetic_energy_j",
+        "particle_steps_per_s",
+        "fraction",
+        "seconds_left",
+    )
+    found = plain({name: getattr(progress, name) for name in shown})
+    assert isinstance(found, dict)
+    return found
+
+
+def plain(value: Any) -> Any:
+    """`value` as plain JSON: arrays become lists, numpy numbers Python's, what is not finite None."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return finite(value) if isinstance(value, float) else value
+
+
+def finite(value: float | None) -> float | None:
+    """None instead of a number that is not finite: JSON has none."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def store_files(result: PileResult, artifacts_dir: Path) -> tuple[StoredArtifact, ...]:
+    """Write the result file and the picture, and put them into the store by their content."""
+    artifacts_dir.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".incoming-", dir=artifacts_dir) as folder:
+        data, picture = Path(folder) / "result.vtkhdf", Path(folder) / "pile.png"
+        result.write(data)
+        draw_pile(result, picture)
+        return (
+            store_file(data, "vtkhdf", "application/x-hdf5", artifacts_dir),
+            store_file(picture, "picture", "image/png", artifacts_dir),
+        )
+
+
+def store_file(file: Path, kind: str, media_type: str, artifacts_dir: Path) -> StoredArtifact:
+    """Move `file` to <sha256[:2]>/<sha256> below the store: all of it is there afterwards, or nothing."""
+    with file.open("rb") as stream:
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        size = os.fstat(stream.fileno()).st_size
+        os.fsync(stream.fileno())
+    relative = Path(sha256[:2]) / sha256
+    target = artifacts_dir / relative
+    target.parent.mkdir(exist_ok=True)
+    os.replace(file, target)
+    _sync_folder(target.parent)
+    return StoredArtifact(kind, file.name, media_type, sha256, size, relative.as_posix())
+
+
+def _sync_folder(folder: Path) -> None:
+    # A rename survives a power cut only when its folder is written too.
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

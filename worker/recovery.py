@@ -1,0 +1,60 @@
+"""What follows from a failed attempt (calibration.md, decision 3), and how a record survives an outage."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from sqlalchemy.exc import InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from sqlalchemy.orm import Session
+
+from demcore.errors import SimulationError
+from service.db.session import Database
+from service.domain.outcome import Failure, FailureClass
+from service.studies.give_back_job import Return
+
+# The one repetition after a blow-up is made with this share of the time step.
+HALF_STEP = 0.5
+
+# A finished simulation is worth waiting for the database: the fence still decides whether it counts.
+RECORD_PATIENCE_S = 120.0
+RECORD_PAUSE_S = 0.5
+
+
+def classify(error: Exception) -> Failure:
+    """The failure class and text that are stored."""
+    text = str(error) or type(error).__name__
+    if isinstance(error, MemoryError):
+        return Failure(FailureClass.OUT_OF_MEMORY, text)
+    if isinstance(error, SimulationError):
+        known = error.kind in set(FailureClass)
+        return Failure(FailureClass(error.kind) if known else FailureClass.ERROR, text)
+    return Failure(FailureClass.ERROR, f"{type(error).__name__}: {text}")
+
+
+def retry_of(failure: Failure, time_step_factor: float, attempts_left: int) -> Return | None:
+    """The repetition that the rules allow, None when the failure is the answer.
+
+    Out of memory: again, at most twice, like a lost worker. Blow-up: once, with half the time step.
+    """
+    if failure.failure_class is FailureClass.OUT_OF_MEMORY and attempts_left > 0:
+        return Return(failure.failure_class.value, failure.text, counts=True)
+    if failure.failure_class is FailureClass.BLOW_UP and time_step_factor > HALF_STEP:
+        return Return(failure.failure_class.value, failure.text, time_step_factor=HALF_STEP)
+    return None
+
+
+def persist(
+    database: Database, write: Callable[[Session], bool], patience_s: float = RECORD_PATIENCE_S
+) -> bool:
+    """Run `write` in a transaction; while the database is away, again, until patience ends. False: fenced."""
+    deadline = time.monotonic() + patience_s
+    while True:
+        try:
+            with database.writing() as session:
+                return write(session)
+        except (OperationalError, InterfaceError, PoolTimeout):
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(RECORD_PAUSE_S)

@@ -1,0 +1,118 @@
+"""The tasks: claim the row, do the work, record what came out.
+
+A message is only a hint. Where the row says that there is nothing to do the task returns, and the row's kind,
+not the message's name, says what is done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import structlog
+from sqlalchemy.exc import InterfaceError, OperationalError, StatementError
+from sqlalchemy.orm import Session
+
+from demcore.errors import Cancelled
+from service.domain.states import JobKind
+from service.queue import TASK_NAMES
+from service.studies.claim_job import Claim, claim_job
+from service.studies.give_back_job import Return, give_back_job
+from service.studies.record_cancellation import record_cancellation
+from service.studies.record_failure import record_failure
+from service.studies.record_measurement import record_measurement
+from service.studies.record_proposal import record_proposal
+from service.studies.record_recommendation import record_recommendation
+from worker import evaluate, installation, optimize, process
+from worker.app import app
+from worker.process import Attempt, StopReason
+from worker.recovery import classify, persist, retry_of
+from worker.stopwatch import Stopwatch
+
+log = structlog.get_logger(__name__)
+
+# Writes a result in a transaction; False when the fence is closed.
+Write = Callable[[Session], bool]
+
+
+def perform(job_id: str) -> None:
+    """Claim, work, record."""
+    database, lease_s = installation.database(), installation.settings().lease_seconds
+    with database.writing() as session:
+        claim = claim_job(session, job_id, process.worker_id, lease_s)
+    if claim is None:
+        return
+    with (
+        Attempt(database, claim.lease, lease_s) as attempt,
+        structlog.contextvars.bound_contextvars(job=job_id, attempt=claim.lease.attempt),
+    ):
+        watch = Stopwatch()
+        try:
+            write: Write | None = WORK[claim.kind](claim, attempt, watch)
+        except Exception as error:  # noqa: BLE001 (the one place: whatever failed is recorded)
+            write = after_failure(error, claim, attempt, watch)
+        if write is not None:
+            record(claim, write)
+
+
+def record(claim: Claim, write: Write) -> None:
+    """Write the result. One that the database refuses (not: cannot take now) fails the job."""
+    database = installation.database()
+    try:
+        recorded = persist(database, write)
+    except StatementError as error:
+        if isinstance(error, OperationalError | InterfaceError):
+            raise
+        log.exception("result refused")
+        recorded = persist(database, partial(record_failure, lease=claim.lease, failure=classify(error)))
+    log.info("recorded" if recorded else "discarded: the lease was lost", kind=claim.kind.value)
+
+
+def simulate(claim: Claim, attempt: Attempt, watch: Stopwatch) -> Write:
+    """One design's pile test."""
+    measurement = evaluate.evaluate(claim, attempt.report, installation.settings().artifacts_dir)
+    cost = watch.cost(measurement.results)
+    return partial(record_measurement, lease=claim.lease, measurement=measurement, cost=cost)
+
+
+def propose(claim: Claim, _attempt: Attempt, watch: Stopwatch) -> Write:
+    """The next design of a study, or its stop."""
+    assert claim.history is not None
+    answer = optimize.next_design(claim.history)
+    return partial(record_proposal, lease=claim.lease, answer=answer, cost=watch.cost())
+
+
+def recommend(claim: Claim, _attempt: Attempt, watch: Stopwatch) -> Write:
+    """What a study that is over has found."""
+    assert claim.history is not None
+    found = optimize.recommendation(claim.history)
+    return partial(record_recommendation, lease=claim.lease, recommendation=found, cost=watch.cost())
+
+
+WORK: dict[JobKind, Callable[[Claim, Attempt, Stopwatch], Write]] = {
+    JobKind.SIMULATE: simulate,
+    JobKind.PROPOSE: propose,
+    JobKind.RECOMMEND: recommend,
+}
+
+
+def after_failure(error: Exception, claim: Claim, attempt: Attempt, watch: Stopwatch) -> Write | None:
+    """What to write when the work raised; None: nothing, the job is somebody else's."""
+    reason, lease, cost = attempt.stop, claim.lease, watch.cost()
+    if reason is StopReason.FENCED:
+        return None
+    if isinstance(error, Cancelled) and reason is StopReason.CANCELLED:
+        return partial(record_cancellation, lease=lease, cost=cost)
+    if isinstance(error, Cancelled) and reason is StopReason.SHUTDOWN:
+        why = Return("released", "the worker was stopped in order")
+        return partial(give_back_job, lease=lease, why=why, cost=cost)
+    failure = classify(error)
+    log.warning("attempt failed", failure=failure.failure_class.value, text=failure.text, exc_info=error)
+    why_again = retry_of(failure, claim.time_step_factor, claim.attempts_left)
+    if why_again is not None:
+        return partial(give_back_job, lease=lease, why=why_again, cost=cost)
+    return partial(record_failure, lease=lease, failure=failure, cost=cost)
+
+
+for name in TASK_NAMES.values():
+    app.task(name=name)(perform)
