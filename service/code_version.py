@@ -1,7 +1,7 @@
 """Which simulation code this is: one hash over every source and data file of demcore.
 
-It names the folder of Numba's cache, because Numba itself does not see that a module which a kernel imports
-was edited, and it is stored with every result, so that a number can be traced to the code behind it.
+It is stored with every result, so that a number can be traced to the code behind it. Compiled kernels are
+kept under a hash of their own, see demcore/jit.py.
 """
 
 from __future__ import annotations
@@ -30,8 +30,3 @@ def demcore_hash() -> str:
     spec = find_spec("demcore")
     assert spec is not None and spec.submodule_search_locations is not None, "demcore is part of the install"
     return hash_sources(Path(next(iter(spec.submodule_search_locations))))
-
-
-def numba_cache_dir(data_dir: Path) -> Path:
-    """Where compiled kernels of exactly this code are kept."""
-    return data_dir / f"numba-{demcore_hash()[:16]}"

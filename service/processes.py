@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from service.broker import server_command
-from service.code_version import numba_cache_dir
 from service.settings import Settings
 
 # An open event stream would keep uvicorn alive for ever; after this many seconds it is cut.
@@ -84,7 +83,8 @@ def environment(settings: Settings, spec: ProcessSpec) -> dict[str, str]:
         "TALUS_LOG_LEVEL": settings.log_level,
         "TALUS_DATABASE_URL": settings.resolved_database_url,
         "TALUS_BROKER_URL": settings.resolved_broker_url,
-        "NUMBA_CACHE_DIR": str(numba_cache_dir(settings.data_dir)),
         "PYTHONUNBUFFERED": "1",
     }
-    return {**os.environ, **shared, **spec.extra_environment}
+    # Below it demcore/jit.py makes one folder for each state of its sources.
+    compiled = {"NUMBA_CACHE_DIR": str(settings.data_dir / "numba")}
+    return {**compiled, **os.environ, **shared, **spec.extra_environment}

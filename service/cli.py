@@ -1,0 +1,157 @@
+"""`talus`: starts the service, runs the demo, and asks a running service from the command line.
+
+Input that is refused is one line on stderr and exit status 2; a service that fails is one line and status 1.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import signal
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from types import FrameType
+
+import click
+from pydantic import ValidationError
+from rich.console import Console
+from rich.table import Table
+
+from service.client.rest import Client, RefusedError, ServiceAwayError
+from service.code_version import demcore_hash
+from service.settings import StartupError, describe_problems, get_settings
+
+BAD_INPUT = 2
+FAILED = 1
+INTERRUPTED = 130
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def cli() -> None:
+    """Calibrates the contact parameters of granular simulations. Settings: TALUS_ variables (README.md)."""
+
+
+@cli.command()
+def serve() -> None:
+    """Start the whole service on this machine and stay."""
+    from service.supervisor import Supervisor
+
+    Supervisor(get_settings(), _say).run()
+
+
+@cli.command()
+@click.option("--material", default="pellet", show_default=True, help="a shipped material")
+@click.option("--scale", type=float, help="coarse-graining: particle diameters times this")
+@click.option("--budget", type=int, help="simulations at most")
+@click.option("--seed", type=int, help="the same seed gives the same designs")
+@click.option("--keep-serving", is_flag=True, help="leave the service running at the end, until Ctrl-C")
+def demo(
+    material: str, scale: float | None, budget: int | None, seed: int | None, keep_serving: bool
+) -> None:
+    """Calibrate a material, live, and compare with the paper."""
+    from service.client.demo import DemoOptions, run_demo
+
+    # A SIGTERM ends the demo as Ctrl-C does: the study is cancelled and the service stopped.
+    signal.signal(signal.SIGTERM, _interrupt)
+    options = DemoOptions(material, scale, budget, seed, keep_serving)
+    sys.exit(run_demo(get_settings(), options, Console()))
+
+
+@cli.command()
+def migrate() -> None:
+    """Bring the database to the newest schema."""
+    from service.db.migrate import upgrade
+
+    settings = get_settings()
+    settings.data_dir.mkdir(parents=True, exist_ok=True)
+    upgrade(settings.resolved_database_url)
+
+
+@cli.command()
+@click.option("--name", default="worker", show_default=True, help="its name in Celery's and the log's lines")
+def worker(name: str) -> None:
+    """Run one worker process here, for the service that TALUS_DATABASE_URL and TALUS_BROKER_URL name."""
+    from service.processes import SINGLE_THREADED, ProcessSpec, environment, worker_command
+
+    settings = get_settings()
+    spec = ProcessSpec(name, worker_command(name, settings), SINGLE_THREADED)
+    os.execve(spec.command[0], spec.command, environment(settings, spec))
+
+
+@cli.command()
+def version() -> None:
+    """The version, and the hash of the simulation code that results are stored with."""
+    from importlib.metadata import version as installed
+
+    click.echo(
+        f"talus {installed('talus')}, demcore {demcore_hash()[:16]}, Python {platform.python_version()}"
+    )
+
+
+@cli.command()
+@click.option("--limit", type=click.IntRange(1, 200), default=20, show_default=True)
+def studies(limit: int) -> None:
+    """List the newest studies of the running service."""
+    table = Table("study", "material", "state", "feasible", "unfeasible", "error", "ended because", "created")
+    with Client(get_settings().base_url) as client:
+        for study in client.studies(limit):
+            counts = [str(study["counters"][name]) for name in ("feasible", "unfeasible", "error")]
+            reason = (study["stop"] or {}).get("reason") or ""
+            created = datetime.fromisoformat(study["created_at"]).strftime("%Y-%m-%d %H:%M")
+            table.add_row(str(study["id"]), study["material"], study["state"], *counts, reason, created)
+    Console().print(table)
+
+
+@cli.command()
+@click.argument("study_id", type=int, required=False)
+def status(study_id: int | None) -> None:
+    """How a study is, or without an id whether the service is ready."""
+    with Client(get_settings().base_url) as client:
+        if study_id is None:
+            for name, check in client.readiness()["checks"].items():
+                click.echo(f"{name}: {'ok' if check['ok'] else check['reason']}")
+            return
+        study = client.study(study_id)
+    counts = ", ".join(f"{count} {name}" for name, count in study["counters"].items())
+    click.echo(f"study {study_id} ({study['material']}): {study['state']}; {counts}")
+    if study["stop"] is not None:
+        click.echo(f"ended because: {study['stop']['text'] or study['stop']['reason']}")
+    for name, value in ((study["recommendation"] or {}).get("x") or {}).items():
+        click.echo(f"  {name} = {value:g}")
+
+
+def _say(text: str) -> None:
+    click.echo(f"{datetime.now().astimezone():%H:%M:%S}  {text}")
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _fail(text: str, code: int) -> int:
+    click.echo("talus: " + " ".join(text.split()), err=True)
+    return code
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The exit status of one command line."""
+    try:
+        result = cli.main(
+            args=arguments or sys.argv[1:] or ["--help"], prog_name="talus", standalone_mode=False
+        )
+    except click.ClickException as error:
+        return _fail(error.format_message(), BAD_INPUT)
+    except ValidationError as error:
+        return _fail(describe_problems(error), BAD_INPUT)
+    except (StartupError, RefusedError) as error:
+        return _fail(str(error), BAD_INPUT)
+    except ServiceAwayError as error:
+        return _fail(str(error), FAILED)
+    except (click.Abort, KeyboardInterrupt):
+        return _fail("interrupted", INTERRUPTED)
+    return result if isinstance(result, int) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,141 @@
+"""The REST API as the command line uses it: a few calls, and a study's events as they happen."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import httpx
+
+# The service sends something at least every 15 s; silence for longer than this is a broken connection.
+STREAM_SILENCE_SECONDS = 40.0
+RECONNECT_SECONDS = 0.5
+# The supervisor brings a dead API back within seconds; after this long the service counts as gone.
+AWAY_SECONDS = 60.0
+
+
+class RefusedError(Exception):
+    """The service refused the request; the text is its own sentence."""
+
+    def __init__(self, status: int, detail: str) -> None:
+        super().__init__(detail)
+        self.status = status
+
+
+class ServiceAwayError(Exception):
+    """The service does not answer."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """One server-sent event; `id` None for progress, which is not stored."""
+
+    kind: str
+    data: dict[str, Any]
+    id: str | None = None
+
+
+class Client:
+    """A connection to one service; `with Client(url) as client`."""
+
+    def __init__(self, base_url: str, transport: httpx.BaseTransport | None = None) -> None:
+        self.base_url = base_url
+        self._http = httpx.Client(base_url=base_url, timeout=10.0, transport=transport)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._http.close()
+
+    def create_study(self, body: dict[str, Any]) -> dict[str, Any]:
+        return self._call("POST", "/v1/studies", body)
+
+    def study(self, study_id: int) -> dict[str, Any]:
+        return self._call("GET", f"/v1/studies/{study_id}")
+
+    def studies(self, limit: int = 20) -> list[dict[str, Any]]:
+        items: list[dict[str, Any]] = self._call("GET", f"/v1/studies?limit={limit}")["items"]
+        return items
+
+    def cancel_study(self, study_id: int) -> dict[str, Any]:
+        return self._call("POST", f"/v1/studies/{study_id}/cancel")
+
+    def readiness(self) -> dict[str, Any]:
+        """The checks by name, also where the service says that it is not ready."""
+        return self._call("GET", "/v1/health/ready", good=(200, 503))
+
+    def events(self, study_id: int) -> Iterator[Event]:
+        """All events of a study from its first to its last; a lost connection is taken up where it broke."""
+        last: str | None = None
+        heard = time.monotonic()
+        while True:
+            try:
+                for event in self._stream(study_id, last):
+                    heard = time.monotonic()
+                    last = event.id or last
+                    yield event
+                    if event.kind == "study_finished":
+                        return
+            except httpx.TransportError as error:
+                if time.monotonic() - heard > AWAY_SECONDS:
+                    raise ServiceAwayError(f"no event from {self.base_url} ({error})") from error
+            time.sleep(RECONNECT_SECONDS)
+
+    def _stream(self, study_id: int, last: str | None) -> Iterator[Event]:
+        headers = {"Accept": "text/event-stream"} | ({"Last-Event-ID": last} if last else {})
+        timeout = httpx.Timeout(10.0, read=STREAM_SILENCE_SECONDS)
+        path = f"/v1/studies/{study_id}/events"
+        with self._http.stream("GET", path, headers=headers, timeout=timeout) as answer:
+            if answer.status_code >= 500:
+                raise httpx.ReadError(f"status {answer.status_code}")  # passes; the caller comes again
+            if answer.is_error:
+                answer.read()
+                raise RefusedError(answer.status_code, detail_of(answer))
+            yield from parse_events(answer.iter_lines())
+
+    def _call(
+        self, method: str, path: str, body: dict[str, Any] | None = None, good: tuple[int, ...] = ()
+    ) -> dict[str, Any]:
+        try:
+            answer = self._http.request(method, path, json=body)
+        except httpx.TransportError as error:
+            raise ServiceAwayError(f"no service answers at {self.base_url} ({error})") from error
+        if answer.is_error and answer.status_code not in good:
+            raise RefusedError(answer.status_code, detail_of(answer))
+        content: dict[str, Any] = answer.json()
+        return content
+
+
+def detail_of(answer: httpx.Response) -> str:
+    """The sentence of a problem+json answer, or what else there is to say."""
+    try:
+        content = answer.json()
+    except ValueError:
+        content = None
+    if isinstance(content, dict) and content.get("detail"):
+        return str(content["detail"])
+    return f"the service answered {answer.status_code} {answer.reason_phrase}"
+
+
+def parse_events(lines: Iterable[str]) -> Iterator[Event]:
+    """Server-sent events out of their lines (HTML standard, section 9.2); comments are skipped."""
+    fields: dict[str, str] = {}
+    for line in lines:
+        if line:
+            name, _, value = line.partition(":")
+            value = value.removeprefix(" ")
+            if name == "data" and "data" in fields:
+                fields["data"] += "\n" + value
+            elif name:
+                fields[name] = value
+        else:
+            if "data" in fields:
+                yield Event(fields.get("event", "message"), json.loads(fields["data"]), fields.get("id"))
+            fields = {}
