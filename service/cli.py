@@ -136,10 +136,9 @@ def _fail(text: str, code: int) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The exit status of one command line."""
+    words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     try:
-        result = cli.main(
-            args=arguments or sys.argv[1:] or ["--help"], prog_name="talus", standalone_mode=False
-        )
+        result = cli.main(args=words, prog_name="talus", standalone_mode=False)
     except click.ClickException as error:
         return _fail(error.format_message(), BAD_INPUT)
     except ValidationError as error:

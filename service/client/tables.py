@@ -82,7 +82,8 @@ class LiveTable:
         left = view.seconds_left(now)
         return (
             f"target {view.target_deg:g}°   best so far {shown}   "
-            f"{view.finished} of at most {view.budget} done   {minutes(now - view.started)} gone, at most {minutes(left)} left"
+            f"{view.finished} of at most {view.budget} done   "
+            f"{minutes(now - view.started)} gone, at most {minutes(left)} left"
         )
 
 
