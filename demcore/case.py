@@ -43,7 +43,7 @@ class Stiffness:
     poisson_ratio: float
 
     def __post_init__(self) -> None:
-        _range("youngs_modulus", self.youngs_modulus, 1e3, 1e13)
+        _range("youngs_modulus", self.youngs_modulus, 1e3, 1e15)
         _range("poisson_ratio", self.poisson_ratio, 0.0, 0.5)
 
 

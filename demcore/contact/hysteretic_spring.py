@@ -50,13 +50,17 @@ def hysteretic_normal(
     k_u = k_l / (pair.restitution * pair.restitution)
     change = overlap - overlap_before
     moved = elastic_before + k_u * change
-    elastic = min(k_l * overlap, moved) if change >= 0.0 else max(moved, law.residual * k_l * overlap)
+    floor = law.residual * k_l * overlap
+    elastic = min(k_l * overlap, moved) if change >= 0.0 else max(moved, floor)
     age += dt
     force = elastic
     damping = 0.0
     # age > n (pi/2) sqrt(m/K), squared: no root for young contacts.
     limit = law.aged_after * HALF_PI
-    if age * age * k_l > limit * limit * pair.mass:
+    # On the floor of the unloading branch the bodies are parting: a slow impact (small e) is old by then, and
+    # damping it would alter its restitution.
+    parting = change < 0.0 and moved <= floor
+    if age * age * k_l > limit * limit * pair.mass and not parting:
         damping = 2.0 * law.damping * (pair.mass * k_l) ** 0.5
         force = max(elastic - damping * speed, 0.0)
     return Normal(force, elastic, k_l, damping, age)
