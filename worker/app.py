@@ -44,9 +44,10 @@ app.conf.update(
 @worker_init.connect
 def compile_kernels(**_: Any) -> None:
     """Call the kernels once before the children are forked: they then start without compiling."""
-    from demcore.experiments.pile_test import warm_up
+    # Here, because importing the kernels takes seconds that a Celery command like `inspect` need not wait.
+    from worker.evaluate import compile_kernels as compile_now
 
-    warm_up()
+    compile_now()
 
 
 @worker_shutting_down.connect

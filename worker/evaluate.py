@@ -7,37 +7,67 @@ import math
 import os
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from demcore.experiments.pile_test import ContactParameters, PileResult, PileTest, Progress, run_pile_test
+from demcore.errors import Cancelled
+from demcore.experiments.pile_result import PileResult
+from demcore.experiments.pile_test import ContactParameters, PileTest, Progress, run_pile_test
 from demcore.material import load_material
 from demcore.rig import load_rig
 from service.domain.outcome import PileMeasurement, StoredArtifact
 from service.domain.search_space import PARAMETERS
+from service.settings import Settings
 from service.studies.claim_job import Claim
 from worker.picture import draw_pile
 
 Report = Callable[[Mapping[str, Any]], bool]
 
 
-def evaluate(claim: Claim, report: Report, artifacts_dir: Path) -> PileMeasurement:
+def evaluate(claim: Claim, report: Report, settings: Settings) -> PileMeasurement:
     """Simulate the claimed design. `report` gets the progress and answers False to stop.
 
-    Raises demcore.errors.SimulationError (Cancelled after a False).
+    A run that was lost goes on from its last checkpoint, with the same bits. Raises
+    demcore.errors.SimulationError (Cancelled after a False).
     """
-    result = run_pile_test(pile_test(claim), on_progress=lambda progress: report(as_progress(progress)))
-    results = plain(result.summary())
-    results["profile"] = plain(
-        {name: getattr(result, name) for name in ("r_m", "h_m", "h_low_m", "h_high_m")}
+    checkpoint = checkpoint_path(claim.lease.job_id, settings)
+    checkpoint.parent.mkdir(parents=True, exist_ok=True)
+    result = run_pile_test(
+        pile_test(claim),
+        on_progress=lambda progress: report(as_progress(progress)),
+        checkpoint_path=checkpoint,
+        checkpoint_seconds=settings.checkpoint_seconds,
     )
     return PileMeasurement(
         angle_deg=float(result.angle_deg),
         angle_sd_deg=finite(result.angle_sd_deg),
         literal_angle_deg=finite(result.literal_angle_deg),
-        results=results,
-        artifacts=store_files(result, artifacts_dir),
+        results=plain(result.summary()),
+        artifacts=store_files(result, settings.artifacts_dir),
     )
+
+
+def checkpoint_path(job_id: str, settings: Settings) -> Path:
+    """Where a job's checkpoint lies: beside it, under the same name with a suffix, the one before."""
+    return settings.data_dir / "checkpoints" / job_id
+
+
+def forget_checkpoint(job_id: str, settings: Settings) -> None:
+    """Remove what a job that is over has left."""
+    path = checkpoint_path(job_id, settings)
+    for file in path.parent.glob(path.name + "*"):
+        file.unlink(missing_ok=True)
+
+
+def compile_kernels() -> None:
+    """Make the first chunk of a small pile test, so that a worker's children are forked with compiled kernels."""
+    defaults = {name: limit.default_value for name, limit in PARAMETERS.items()}
+    test = PileTest(
+        load_material("pellet"), load_rig("pellet"), ContactParameters(**defaults), scale=4.0, fill_level=0.2
+    )
+    with suppress(Cancelled):
+        run_pile_test(test, on_progress=lambda _progress: False)
 
 
 def pile_test(claim: Claim) -> PileTest:

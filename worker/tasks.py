@@ -14,6 +14,7 @@ from sqlalchemy.exc import InterfaceError, OperationalError, StatementError
 from sqlalchemy.orm import Session
 
 from demcore.errors import Cancelled
+from service.db import queries
 from service.domain.states import JobKind
 from service.queue import TASK_NAMES
 from service.studies.claim_job import Claim, claim_job
@@ -53,6 +54,10 @@ def perform(job_id: str) -> None:
             write = after_failure(error, claim, attempt, watch)
         if write is not None:
             record(claim, write)
+    with database.reading() as session:
+        is_done_with = queries.is_job_over(session, job_id)
+    if is_done_with:
+        evaluate.forget_checkpoint(job_id, installation.settings())
 
 
 def record(claim: Claim, write: Write) -> None:
@@ -70,7 +75,7 @@ def record(claim: Claim, write: Write) -> None:
 
 def simulate(claim: Claim, attempt: Attempt, watch: Stopwatch) -> Write:
     """One design's pile test."""
-    measurement = evaluate.evaluate(claim, attempt.report, installation.settings().artifacts_dir)
+    measurement = evaluate.evaluate(claim, attempt.report, installation.settings())
     cost = watch.cost(measurement.results)
     return partial(record_measurement, lease=claim.lease, measurement=measurement, cost=cost)
 

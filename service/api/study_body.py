@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from demcore.errors import InputError
 from demcore.material import Material, load_material
+from demcore.rig import load_rig
 from service.domain.errors import InvalidValue
 from service.domain.search_space import PARAMETERS, SearchSpace, Variable, default_space
 from service.domain.study import Objective, StudySpec
@@ -89,6 +90,7 @@ class StudyBody(BaseModel):
     def to_spec(self) -> StudySpec:
         """The study asked for, with the material's defaults. Raises InvalidValue."""
         material = _material(self.material)
+        _check_scale(self.scale, material)
         return StudySpec(
             material=material.name,
             scale=self.scale,
@@ -141,3 +143,10 @@ def _variable(name: str, body: VariableBody) -> Variable:
     lower: Any = body.lower if body.lower is not None or limit is None else limit.default_lower
     upper: Any = body.upper if body.upper is not None or limit is None else limit.default_upper
     return Variable(name, lower, upper, body.step)
+
+
+def _check_scale(scale: float, material: Material) -> None:
+    """Two of the largest particles must fit across the rig's cylinder; later, each design would fail for it."""
+    largest = load_rig(material.name).cylinder_radius / material.sizes.largest
+    if scale > largest:
+        raise InvalidValue("scale", scale, f"at most {largest:.2g} for {material.name}, whose rig is small")

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from service.db.clock import database_now
 from service.db.models import JobRow, StudyRow
-from service.domain.states import JobKind, JobState, sources
+from service.domain.states import JobKind, JobState, is_over, sources
 
 # A published job that nobody claimed is published again after this long times the square of its publications:
 # a lost message is soon replaced, and a long backlog is not buried under copies of itself (9 an hour).
@@ -50,6 +50,12 @@ def lock_study(session: Session, study_id: int) -> StudyRow | None:
 def study_of_job(session: Session, job_id: str) -> int | None:
     """The id of the study that a job belongs to; it never changes."""
     return session.scalars(select(JobRow.study_id).where(JobRow.id == job_id)).one_or_none()
+
+
+def is_job_over(session: Session, job_id: str) -> bool:
+    """True where the job is done, failed or cancelled, or there is none."""
+    state = session.scalars(select(JobRow.state).where(JobRow.id == job_id)).one_or_none()
+    return state is None or is_over(state)
 
 
 def claim(session: Session, job_id: str, worker_id: str, lease_s: float) -> JobRow | None:

@@ -1,0 +1,135 @@
+"""Studies and jobs for tests, with defaults for whatever a test does not care about."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from sqlalchemy import select, update
+
+from service.db.clock import database_now
+from service.db.models import DesignRow, EventRow, JobRow, StudyRow
+from service.db.session import Database
+from service.domain.history import ProposedDesign, StudyStop
+from service.domain.outcome import PileMeasurement, StoredArtifact
+from service.domain.search_space import default_space
+from service.domain.states import JobKind, JobState
+from service.domain.study import Objective, StudySpec
+from service.studies.claim_job import Claim, claim_job
+from service.studies.create_study import create_study
+from service.studies.record_proposal import record_proposal
+
+LEASE_S = 10.0
+
+
+def a_spec(**changes: Any) -> StudySpec:
+    defaults: dict[str, Any] = {
+        "material": "pellet",
+        "scale": 2.0,
+        "space": default_space(),
+        "objective": Objective(25.5, (25.0, 26.0)),
+        "budget": 12,
+    }
+    return StudySpec(**{**defaults, **changes})
+
+
+def a_study(database: Database, **changes: Any) -> int:
+    """The id of a new study, with its propose job queued."""
+    with database.writing() as session:
+        return create_study(session, a_spec(**changes))[0].id
+
+
+def a_proposal(number: int, **changes: Any) -> ProposedDesign:
+    """Another x for each number."""
+    defaults: dict[str, Any] = {
+        "x": (round(0.1 + 0.01 * number, 2), 0.5, 0.3, 0.2),
+        "seed": number,
+        "origin": "doe",
+        "reason": "spread over the box",
+        "training_hash": "0" * 64,
+    }
+    return ProposedDesign(**{**defaults, **changes})
+
+
+def a_measurement(angle_deg: float = 25.4, artifacts: tuple[StoredArtifact, ...] = ()) -> PileMeasurement:
+    return PileMeasurement(angle_deg, 0.2, angle_deg - 8.0, {"mass_on_base_kg": 12.5}, artifacts)
+
+
+def open_jobs(database: Database, study_id: int, kind: JobKind | None = None) -> list[str]:
+    """Ids of queued and running jobs, oldest first."""
+    with database.reading() as session:
+        found = select(JobRow.id).where(
+            JobRow.study_id == study_id, JobRow.state.in_((JobState.QUEUED, JobState.RUNNING))
+        )
+        if kind is not None:
+            found = found.where(JobRow.kind == kind)
+        return list(session.scalars(found.order_by(JobRow.created_at)))
+
+
+def claimed(database: Database, job_id: str, worker: str = "worker-a", lease_s: float = LEASE_S) -> Claim:
+    with database.writing() as session:
+        claim = claim_job(session, job_id, worker, lease_s)
+    assert claim is not None
+    return claim
+
+
+def propose_next(database: Database, study_id: int, answer: ProposedDesign | StudyStop | None = None) -> Claim:
+    """Do the study's propose job as a worker would; the claim shows what the optimizer was told."""
+    (job_id,) = open_jobs(database, study_id, JobKind.PROPOSE)
+    claim = claimed(database, job_id)
+    assert claim.history is not None
+    with database.writing() as session:
+        assert record_proposal(session, claim.lease, answer or a_proposal(claim.history.number))
+    return claim
+
+
+def a_simulate_job(database: Database, **changes: Any) -> tuple[int, str]:
+    """A study with one queued simulate job; their ids."""
+    study_id = a_study(database, **changes)
+    propose_next(database, study_id)
+    (job_id,) = open_jobs(database, study_id, JobKind.SIMULATE)
+    return study_id, job_id
+
+
+def let_lease_expire(database: Database, job_id: str) -> None:
+    """As if the worker had been silent for its whole lease."""
+    with database.writing() as session:
+        session.execute(update(JobRow).where(JobRow.id == job_id).values(lease_until=database_now() - 0.001))
+
+
+def job(database: Database, job_id: str) -> JobRow:
+    with database.reading() as session:
+        return session.get_one(JobRow, job_id)
+
+
+def study(database: Database, study_id: int) -> StudyRow:
+    with database.reading() as session:
+        return session.get_one(StudyRow, study_id)
+
+
+def designs(database: Database, study_id: int) -> list[DesignRow]:
+    with database.reading() as session:
+        found = select(DesignRow).where(DesignRow.study_id == study_id).order_by(DesignRow.number)
+        return list(session.scalars(found))
+
+
+def event_kinds(database: Database, study_id: int) -> list[str]:
+    with database.reading() as session:
+        found = select(EventRow.kind).where(EventRow.study_id == study_id).order_by(EventRow.id)
+        return list(session.scalars(found))
+
+
+def synthetic_angle(spec: StudySpec, x: tuple[float, ...], seed: int) -> float:
+    """calibration.md's synthetic repose angle, with a scatter that depends on x and the seed alone."""
+    p = spec.space.as_dict(x)
+    pp, r = p["particle_particle_static_friction"], p["rolling_resistance"]
+    pw, e = p["particle_wall_static_friction"], p["particle_particle_restitution"]
+
+    def saturates(a: float) -> float:
+        return 1.0 - math.exp(-a)
+
+    angle = 14.5 + 9.0 * saturates(pp / 0.2) + 18.0 * saturates(r / 0.25) * saturates(pp / 0.3)
+    angle += 1.5 * saturates(pw / 0.3) - 3.0 * (e - 0.1) / 0.5 * math.exp(-r / 0.3)
+    return angle + 0.3 * math.sin(1000.0 * sum(x) + 77.0 * seed)
+
+
