@@ -1,0 +1,117 @@
+"""The house's rules that a reader cannot check by eye: imports, sizes, one broad handler, no machine's traces."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("demcore", "service", "worker")
+LONGEST_MODULE = 400
+
+
+def tracked(*patterns: str) -> list[Path]:
+    """Files that git knows or would add; what it ignores is nobody's business."""
+    listed = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z", "--", *patterns],
+        cwd=ROOT,
+        capture_output=True,
+        check=True,
+        text=True,
+    )
+    return [ROOT / name for name in listed.stdout.split("\0") if name and (ROOT / name).is_file()]
+
+
+def sources() -> list[Path]:
+    files = tracked(*(f"{package}/*.py" for package in PACKAGES), "migrations/*.py")
+    assert len(files) > 50
+    return files
+
+
+def test_import_contracts_hold() -> None:
+    lint = Path(sys.executable).with_name("lint-imports")
+    done = subprocess.run([lint, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert " 0 broken" in done.stdout
+
+
+def test_every_layer_contract_is_exhaustive() -> None:
+    config = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    inside = [contract for contract in config["contracts"] if "containers" in contract]
+    assert {contract["containers"][0] for contract in inside} >= {"service", "demcore"}
+    assert all(contract["exhaustive"] for contract in inside)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_root_init_is_empty(package: str) -> None:
+    assert (ROOT / package / "__init__.py").read_bytes() == b""
+
+
+def test_modules_are_at_most_400_lines() -> None:
+    lengths = {path.relative_to(ROOT).as_posix(): path.read_text().count("\n") for path in sources()}
+    assert {name: n for name, n in lengths.items() if n > LONGEST_MODULE} == {}
+
+
+def broad_handlers(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ExceptHandler):
+            caught = node.type.elts if isinstance(node.type, ast.Tuple) else [node.type]
+            names = {getattr(item, "id", None) for item in caught}
+            if node.type is None or names & {"Exception", "BaseException"}:
+                yield f"{path.relative_to(ROOT)}:{node.lineno}"
+
+
+def test_there_is_at_most_one_broad_handler() -> None:
+    found = [place for path in sources() for place in broad_handlers(path)]
+    assert len(found) <= 1, found
+
+
+@pytest.mark.parametrize("code", ["except:", "except Exception:", "except (ValueError, BaseException) as e:"])
+def test_a_broad_handler_is_found(tmp_path: Path, code: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
+    file = tmp_path / "module.py"
+    file.write_text(f"try:\n    pass\n{code}\n    pass\n")
+    assert list(broad_handlers(file)) == ["module.py:3"]
+
+
+def test_nothing_is_left_to_do() -> None:
+    marks = re.compile(r"\b(TODO|FIXME|XXX|NotImplementedError)\b")
+    found = [path.relative_to(ROOT).as_posix() for path in sources() if marks.search(path.read_text())]
+    assert found == []
+
+
+def test_lock_files_hold_no_address() -> None:
+    locks = tracked("*.lock", "*requirements*", "*lock.json", "*lock.toml", "*pip.conf", "*.npmrc")
+    assert ROOT / "requirements.lock" in locks
+    assert [path.name for path in locks if "://" in path.read_text()] == []
+
+
+def test_the_lock_is_hashed_throughout() -> None:
+    text = (ROOT / "requirements.lock").read_text()
+    pins = re.findall(r"^\S+==\S+", text, flags=re.MULTILINE)
+    assert len(pins) > 50
+    blocks = re.split(r"^(?=\S+==)", text, flags=re.MULTILINE)[1:]
+    assert [block.split("==")[0] for block in blocks if "--hash=sha256:" not in block] == []
+
+
+def test_the_lock_has_every_dependency() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    wanted = [*project["project"]["dependencies"], *project["dependency-groups"]["dev"]]
+    names = {re.split(r"[\[<>=]", line)[0].lower() for line in wanted}
+    locked = set(re.findall(r"^([a-z0-9._-]+)==", (ROOT / "requirements.lock").read_text(), flags=re.MULTILINE))
+    assert names - locked == set()
+
+
+def test_no_path_of_this_machine_is_committed() -> None:
+    shared = ROOT.parent in (Path("/"), Path(tempfile.gettempdir()))  # a name that any text may hold
+    here = f"{ROOT if shared else ROOT.parent}/".encode()
+    found = [path.relative_to(ROOT).as_posix() for path in tracked() if here in path.read_bytes()]
+    assert found == []
