@@ -105,13 +105,18 @@ def studies(limit: int) -> None:
 
 @cli.command()
 @click.argument("study_id", type=int, required=False)
-def status(study_id: int | None) -> None:
+@click.option("--only", metavar="CHECK", help="one check of the service; status 1 if it is not ok")
+def status(study_id: int | None, only: str | None) -> None:
     """How a study is, or without an id whether the service is ready."""
     with Client(get_settings().base_url) as client:
         if study_id is None:
-            for name, check in client.readiness()["checks"].items():
+            checks = client.readiness()["checks"]
+            if only is not None and only not in checks:
+                raise click.BadParameter(f"{only!r} is none of {', '.join(checks)}", param_hint="--only")
+            shown = checks if only is None else {only: checks[only]}
+            for name, check in shown.items():
                 click.echo(f"{name}: {'ok' if check['ok'] else check['reason']}")
-            return
+            sys.exit(0 if only is None or checks[only]["ok"] else FAILED)
         study = client.study(study_id)
     counts = ", ".join(f"{count} {name}" for name, count in study["counters"].items())
     click.echo(f"study {study_id} ({study['material']}): {study['state']}; {counts}")

@@ -1,4 +1,4 @@
-"""The house's rules that a reader cannot check by eye: imports, sizes, one broad handler, no machine's traces."""
+"""The house's rules that an eye misses: imports, sizes, one broad handler, no traces of a machine."""
 
 from __future__ import annotations
 
@@ -106,7 +106,9 @@ def test_the_lock_has_every_dependency() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     wanted = [*project["project"]["dependencies"], *project["dependency-groups"]["dev"]]
     names = {re.split(r"[\[<>=]", line)[0].lower() for line in wanted}
-    locked = set(re.findall(r"^([a-z0-9._-]+)==", (ROOT / "requirements.lock").read_text(), flags=re.MULTILINE))
+    locked = set(
+        re.findall(r"^([a-z0-9._-]+)==", (ROOT / "requirements.lock").read_text(), flags=re.MULTILINE)
+    )
     assert names - locked == set()
 
 
