@@ -6,7 +6,7 @@ their names. JSON columns hold plain JSON: no NaN, no pickles.
 
 from __future__ import annotations
 
-from enum import StrEnum
+import enum
 from typing import Any, ClassVar
 
 from sqlalchemy import (
@@ -52,7 +52,7 @@ class Base(DeclarativeBase):
     }
 
 
-def _stored(states: type[StrEnum], name: str) -> Enum:
+def _stored(states: type[enum.Enum], name: str) -> Enum:
     """A text column that takes the enum's values only; a CHECK says so to the database, too."""
     return Enum(
         states,

@@ -1,15 +1,16 @@
 """The states of designs, jobs and studies, and the one table of allowed changes for each.
 
 Everything that changes a state asks here: SQL statements through `sources`, Python through `require_change`.
+Plain enums and not texts: as texts a job's "running" would equal a study's, and be one key of the table.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import StrEnum
+from enum import Enum
 
 
-class DesignState(StrEnum):
+class DesignState(Enum):
     """Where a design (one simulated parameter set) stands."""
 
     WAITING = "WAITING"
@@ -19,7 +20,7 @@ class DesignState(StrEnum):
     CANCELLED = "CANCELLED"
 
 
-class JobState(StrEnum):
+class JobState(Enum):
     """Where a piece of work for a worker stands."""
 
     QUEUED = "queued"
@@ -29,7 +30,7 @@ class JobState(StrEnum):
     CANCELLED = "cancelled"
 
 
-class StudyState(StrEnum):
+class StudyState(Enum):
     """Where a study stands. FINISHING and CANCELLING propose nothing new and wait for what is in flight."""
 
     RUNNING = "running"
@@ -40,7 +41,7 @@ class StudyState(StrEnum):
     FAILED = "failed"
 
 
-class JobKind(StrEnum):
+class JobKind(Enum):
     """What a job does: propose the next design, simulate one, or recommend the study's optimum at its end."""
 
     PROPOSE = "propose"
@@ -48,7 +49,7 @@ class JobKind(StrEnum):
     RECOMMEND = "recommend"
 
 
-class Verdict(StrEnum):
+class Verdict(Enum):
     """What a finished design says about the objective."""
 
     FEASIBLE = "feasible"
