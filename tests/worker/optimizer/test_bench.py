@@ -1,0 +1,75 @@
+"""The bench's command line, its JSON, and (slow) the marks themselves."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+from worker.optimizer.__main__ import main
+from worker.optimizer.bench import _quantile, bench
+from worker.optimizer.synthetic import CASES
+
+KEYS = {
+    "method",
+    "case",
+    "seeds",
+    "certified_median",
+    "certified_q90",
+    "within_half_degree_when_certified",
+    "recommended_within",
+    "crash_share",
+    "coverage_90",
+}
+
+
+def test_json_has_a_row_for_each_method_and_case(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--json", "--seeds", "1", "--method", "random", "--parallel", "2"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [(r["method"], r["case"], r["seeds"]) for r in rows] == [("random", case, 1) for case in CASES]
+    for row in rows:
+        assert set(row) >= KEYS
+        assert set(row["recommended_within"]) == {"12", "16", "20", "26"}
+        assert set(row["recommended_within"]["12"]) == {"0.3", "0.5"}
+        assert row["certified_median"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["bench", "--seeds", "0"], "--seeds"),
+        (["bench", "--seeds", "many"], "'many'"),
+        (["bench", "--parallel", "-1"], "--parallel"),
+        (["bench", "--method", "luck"], "'luck'"),
+        ([], "command"),
+    ],
+)
+def test_wrong_arguments_exit_2_with_one_line(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    complaint = capsys.readouterr().err
+    assert said in complaint
+    assert complaint.count("\n") == 1
+
+
+def test_studies_without_a_certificate_count_as_infinite() -> None:
+    assert _quantile([10.0, 12.0, math.inf], 0.5) == 12.0
+    assert _quantile([10.0, math.inf, math.inf], 0.5) is None
+    assert _quantile([float(v) for v in range(1, 11)], 0.9) == 9.0
+
+
+@pytest.mark.slow
+def test_the_marks_of_the_bench() -> None:
+    """Issue 4: medians 12, 12, 18; .85 truly within .5 deg; crash share .07; coverage .85 to .95."""
+    rows = {row.case: row for row in bench(30, methods=["auto"])}
+    for case, median in (("coke", 12), ("sinter", 12), ("pellet", 18)):
+        row = rows[case]
+        assert row.certified_median is not None
+        assert row.certified_median <= median
+        assert (row.within_half_degree_when_certified or 0.0) >= 0.85
+        assert 0.85 <= (row.coverage_90 or 0.0) <= 0.95
+        assert row.crash_share <= 0.07

@@ -1,0 +1,48 @@
+"""Groups, the noise estimate by hand, and the training hash."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from worker.optimizer.history import Design, History, Pending
+
+A, B = (0.1, 0.2), (0.3, 0.4)
+DESIGNS = (
+    Design(1, A, 11, 30.0, "doe"),
+    Design(2, B, 12, None, "doe"),
+    Design(3, A, 13, 31.0, "replicate"),
+    Design(4, B, 14, 25.0, "manual"),
+)
+
+
+def test_groups_join_the_seeds_of_one_x() -> None:
+    first, second = History(DESIGNS).groups()
+    assert (first.x, first.numbers, first.angles_deg, first.failures) == (A, (1, 3), (30.0, 31.0), 0)
+    assert (second.numbers, second.angles_deg, second.failures) == ((2, 4), (25.0,), 1)
+
+
+def test_pooled_noise_and_its_shrinkage_by_hand() -> None:
+    """One pair 1 deg apart: s^2 = .5 with 1 degree of freedom; prior .25 with 4: (4 * .25 + .5) / 5 = .3."""
+    history = History(DESIGNS)
+    assert history.replicate_sd_deg() == pytest.approx(math.sqrt(0.5))
+    assert history.noise_sd_deg() == pytest.approx(math.sqrt(0.3))
+
+
+def test_without_replicates_the_noise_is_the_prior() -> None:
+    assert History(DESIGNS[:2]).replicate_sd_deg() is None
+    assert History().noise_sd_deg() == pytest.approx(0.5)
+
+
+def test_training_hash_ignores_order_and_sees_every_result() -> None:
+    known = History(DESIGNS).training_hash
+    assert History(tuple(reversed(DESIGNS))).training_hash == known
+    changed = (*DESIGNS[:3], Design(4, B, 14, 25.001, "manual"))
+    assert History(changed).training_hash != known
+    assert History(DESIGNS, (Pending(5, A, 15, "model"),)).training_hash != known
+
+
+def test_an_angle_is_finite_or_missing() -> None:
+    with pytest.raises(ValueError, match="finite"):
+        Design(1, A, 1, math.nan, "doe")

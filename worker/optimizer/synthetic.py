@@ -1,0 +1,67 @@
+"""The synthetic repose angle of calibration.md, on which strategies are ranked.
+
+    angle = 14.5 + 9 S(pp/.2) + 18 S(r/.25) S(pp/.3) + 1.5 S(pw/.3) - 3 (e - .1)/.5 exp(-r/.3)    degrees
+    S(a) = 1 - exp(-a)
+
+pp and pw (friction between particles and against the wall) in .1 to .9, e (restitution) in .1 to .6, r
+(rolling resistance) in .05 to .6; one run adds noise of sd .5 deg. Crash region: a run crashes with
+probability `logistic((.435 - u_pp - u_r) / .03)`, u the unit-cube values: the corner of low friction and low
+rolling, 10 % of the space.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from service.domain.search_space import default_space
+from service.domain.study import Objective, StudySpec
+from worker.optimizer.design import FloatArray, X
+
+NOISE_SD_DEG = 0.5
+CASES = {
+    "coke": Objective(36.5, (35.0, 38.0)),
+    "sinter": Objective(31.0, (29.0, 33.0)),
+    "pellet": Objective(25.5, (25.0, 26.0)),
+}
+
+
+def _saturate(a: FloatArray) -> FloatArray:
+    return np.asarray(1.0 - np.exp(-a))
+
+
+def true_angle(x: FloatArray) -> FloatArray:
+    """Noiseless angle, degrees, of designs x (k, 4): pp, pw, e, r as `default_space` orders them."""
+    pp, pw, e, r = np.asarray(x, dtype=np.float64).T
+    steep = 9.0 * _saturate(pp / 0.2) + 18.0 * _saturate(r / 0.25) * _saturate(pp / 0.3)
+    return np.asarray(14.5 + steep + 1.5 * _saturate(pw / 0.3) - 3.0 * (e - 0.1) / 0.5 * np.exp(-r / 0.3))
+
+
+def crash_probability(x: FloatArray) -> FloatArray:
+    """Chance that a run at x (k, 4) ends in error."""
+    pp, _, _, r = np.asarray(x, dtype=np.float64).T
+    return np.asarray(expit((0.435 - (pp - 0.1) / 0.8 - (r - 0.05) / 0.55) / 0.03))
+
+
+@dataclass(frozen=True)
+class SyntheticRig:
+    """Runs a design: a pure function of (x, seed), as the DEM is."""
+
+    noise_sd_deg: float = NOISE_SD_DEG
+
+    def run(self, x: X, seed: int) -> float | None:
+        stream = np.random.default_rng(np.random.SeedSequence([seed, *(round(v * 1e6) for v in x)]))
+        point = np.array([x])
+        if stream.random() < float(crash_probability(point)[0]):
+            return None
+        return float(true_angle(point)[0]) + self.noise_sd_deg * float(stream.normal())
+
+
+def study(case: str, seed: int, budget: int = 40, parallel: int = 1) -> StudySpec:
+    """The study of one case over the paper's default space."""
+    if not math.isfinite(budget) or case not in CASES:
+        raise ValueError(f"case {case!r} is not one of {', '.join(CASES)}")
+    return StudySpec(case, 1.0, default_space(), CASES[case], budget=budget, parallel=parallel, seed=seed)
