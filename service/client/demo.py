@@ -6,35 +6,25 @@ It uses the service that runs on the data folder, or starts one for as long as t
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.live import Live
 
-from service.child_process import last_line
-from service.client.rest import Client, ServiceAwayError
+from service.client.local_service import running_service
+from service.client.rest import Client
 from service.client.study_view import StudyView
 from service.client.tables import LiveTable, closing_table, plain_line
-from service.installation_lock import find_running
-from service.settings import Settings, StartupError
-
-START_SECONDS = 120.0
-STOP_SECONDS = 12.0
-NEEDED_CHECKS = ("database", "schema", "dispatcher", "workers")
+from service.settings import Settings
 
 
 @dataclass(frozen=True)
 class DemoOptions:
-    """What to calibrate. None: the service's default. `extra` goes into the study's request as it is."""
+    """What to calibrate. None: the service's default."""
 
     material: str = "pellet"
     scale: float | None = None
@@ -53,12 +43,14 @@ class DemoOptions:
 
 def run_demo(settings: Settings, options: DemoOptions, console: Console) -> int:
     """The exit status. Raises StartupError, RefusedError or ServiceAwayError with a sentence for the user."""
-    with running_service(settings, console) as url, Client(url) as client:
+    with running_service(settings) as service, Client(service.url) as client:
         started = time.monotonic()
         study = client.create_study(options.body())
-        page = f"{url}/studies/{study['id']}"
+        page = f"{service.url}/studies/{study['id']}"
         console.print(f"Study {study['id']} is at {page}", highlight=False)
         try:
+            with console.status("waiting for the workers: after a change of the code they first compile it"):
+                service.wait_for("dispatcher", "workers")
             follow(client, study, console)
         except KeyboardInterrupt:
             client.cancel_study(study["id"])
@@ -129,70 +121,6 @@ def tell(outcome: Mapping[str, Any], study: Mapping[str, Any], console: Console)
         console.print("No simulation gave a repose angle, so there is no optimum.")
     reason = (study["stop"] or {}).get("text") or outcome["stop_reason"] or study["state"]
     console.print(f"Ended after {outcome['minutes']:.1f} minutes: {reason}", highlight=False, soft_wrap=True)
-
-
-@contextmanager
-def running_service(settings: Settings, console: Console) -> Iterator[str]:
-    """The URL of a service on the data folder: the one that runs, or one that ends with this block."""
-    found = find_running(settings)
-    if found is not None:
-        wait_until_ready(found.url, None, None)
-        yield found.url
-        return
-    settings.logs_dir.mkdir(parents=True, exist_ok=True)
-    log = settings.logs_dir / "supervisor.log"
-    console.print(f"Starting the service at {settings.base_url} ...", highlight=False)
-    environment = {**os.environ, "TALUS_DATA_DIR": str(settings.data_dir)}
-    with log.open("ab") as output:
-        # A session of its own: Ctrl-C is for this process, which then ends the service in order.
-        process = subprocess.Popen(
-            [sys.executable, "-m", "service.cli", "serve"],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-    try:
-        wait_until_ready(settings.base_url, process, log)
-        yield settings.base_url
-    finally:
-        stop(process)
-
-
-def wait_until_ready(url: str, process: subprocess.Popen[bytes] | None, log: Path | None) -> None:
-    """Until jobs can run there. StartupError with the reason where that does not come."""
-    deadline = time.monotonic() + START_SECONDS
-    reason = "it does not answer"
-    with Client(url) as client:
-        while time.monotonic() < deadline:
-            if process is not None and log is not None and process.poll() is not None:
-                raise StartupError(last_line(log).removeprefix("talus: "))
-            try:
-                checks = client.readiness()["checks"]
-                missing = [
-                    checks[name]["reason"]
-                    for name in NEEDED_CHECKS
-                    if name in checks and not checks[name]["ok"]
-                ]
-                if not missing:
-                    return
-                reason = "; ".join(missing)
-            except ServiceAwayError:
-                pass  # it is still starting
-            time.sleep(0.2)
-    raise StartupError(f"the service at {url} was not ready within {START_SECONDS:g} s: {reason}")
-
-
-def stop(process: subprocess.Popen[bytes]) -> None:
-    """Ends the supervisor, which ends everything else."""
-    if process.poll() is None:
-        process.terminate()
-        try:
-            process.wait(STOP_SECONDS)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
 
 
 def wait_for_interrupt() -> None:

@@ -62,7 +62,9 @@ class StudyView:
         """At most, if the budget is used up at the present pace; None before the first design is over."""
         if self.state != "running":
             return 0.0
-        return (now - self.started) / self.finished * (self.budget - self.finished) if self.finished else None
+        if not self.finished:
+            return None
+        return (now - self.started) / self.finished * (self.budget - self.finished)
 
     def fold(self, event: Event) -> DesignLine | None:
         """Takes the event in; the design that it was about, if any."""
