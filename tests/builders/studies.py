@@ -8,12 +8,12 @@ from typing import Any
 from sqlalchemy import select, update
 
 from service.db.clock import database_now
-from service.db.models import DesignRow, EventRow, JobRow, StudyRow
+from service.db.models import ArtifactRow, DesignRow, EventRow, JobRow, StudyRow
 from service.db.session import Database
 from service.domain.history import ProposedDesign, StudyStop
 from service.domain.outcome import PileMeasurement, StoredArtifact
 from service.domain.search_space import default_space
-from service.domain.states import JobKind, JobState
+from service.domain.states import DesignState, JobKind, JobState, Verdict
 from service.domain.study import Objective, StudySpec
 from service.studies.claim_job import Claim, claim_job
 from service.studies.create_study import create_study
@@ -73,7 +73,9 @@ def claimed(database: Database, job_id: str, worker: str = "worker-a", lease_s: 
     return claim
 
 
-def propose_next(database: Database, study_id: int, answer: ProposedDesign | StudyStop | None = None) -> Claim:
+def propose_next(
+    database: Database, study_id: int, answer: ProposedDesign | StudyStop | None = None
+) -> Claim:
     """Do the study's propose job as a worker would; the claim shows what the optimizer was told."""
     (job_id,) = open_jobs(database, study_id, JobKind.PROPOSE)
     claim = claimed(database, job_id)
@@ -119,6 +121,48 @@ def event_kinds(database: Database, study_id: int) -> list[str]:
         return list(session.scalars(found))
 
 
+def add_finished_designs(database: Database, study_id: int, count: int) -> None:
+    """Rows as `count` finished designs leave them, angles from 25 degrees upwards; not through the use cases,
+    which take a second for a hundred."""
+    names = default_space().names
+    with database.writing() as session:
+        for n in range(1, count + 1):
+            design = DesignRow(
+                study_id=study_id,
+                number=n,
+                x=dict.fromkeys(names, n / count),
+                x_hash=f"{n:064x}",
+                scale=2.0,
+                seed=n,
+                origin="doe",
+                reason="spread over the box",
+                state=DesignState.COMPLETE,
+                verdict=Verdict.FEASIBLE,
+                angle_deg=25.0 + (n - 1) / 100,
+            )
+            session.add(design)
+            session.flush()
+            job_id = f"{study_id:08d}-0000-4000-8000-{n:012d}"
+            done = JobRow(
+                id=job_id,
+                kind=JobKind.SIMULATE,
+                study_id=study_id,
+                design_id=design.id,
+                state=JobState.DONE,
+                max_attempts=3,
+            )
+            picture = ArtifactRow(
+                design_id=design.id,
+                kind="picture",
+                file_name="pile.png",
+                media_type="image/png",
+                sha256="ab" * 32,
+                size_bytes=10,
+                path="ab/" + "ab" * 32,
+            )
+            session.add_all([done, picture])
+
+
 def synthetic_angle(spec: StudySpec, x: tuple[float, ...], seed: int) -> float:
     """calibration.md's synthetic repose angle, with a scatter that depends on x and the seed alone."""
     p = spec.space.as_dict(x)
@@ -131,5 +175,3 @@ def synthetic_angle(spec: StudySpec, x: tuple[float, ...], seed: int) -> float:
     angle = 14.5 + 9.0 * saturates(pp / 0.2) + 18.0 * saturates(r / 0.25) * saturates(pp / 0.3)
     angle += 1.5 * saturates(pw / 0.3) - 3.0 * (e - 0.1) / 0.5 * math.exp(-r / 0.3)
     return angle + 0.3 * math.sin(1000.0 * sum(x) + 77.0 * seed)
-
-

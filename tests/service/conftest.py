@@ -7,5 +7,14 @@ from tests.builders.databases import (
     postgres_database,
     sqlite_database,
 )
+from tests.builders.web import client, settings
 
-__all__ = ["database", "migrated_sqlite", "postgres", "postgres_database", "sqlite_database"]
+__all__ = [
+    "client",
+    "database",
+    "migrated_sqlite",
+    "postgres",
+    "postgres_database",
+    "settings",
+    "sqlite_database",
+]
