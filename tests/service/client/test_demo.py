@@ -1,0 +1,78 @@
+"""What the demo asks for and what it writes down."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from service.client.demo import DemoOptions, summarise, tell
+
+STUDY: dict[str, Any] = {
+    "id": 4,
+    "state": "completed",
+    "spec": {
+        "material": "pellet",
+        "scale": 2.0,
+        "objective": {"target_deg": 25.5, "window_deg": [25.0, 26.0]},
+    },
+    "counters": {"feasible": 5, "unfeasible": 9, "error": 1},
+    "recommendation": {
+        "x": {"rolling_resistance": 0.3},
+        "mean_deg": 25.44,
+        "replicates_deg": [25.3, 25.5, 25.6],
+        "certified": True,
+    },
+    "stop": {"reason": "certified", "text": "Within 0.5 deg (90 %).", "numbers": {}},
+}
+
+
+def test_only_what_was_asked_for_is_sent() -> None:
+    assert DemoOptions().body() == {"material": "pellet"}
+    assert DemoOptions("coke", scale=3.0, budget=20).body() == {
+        "material": "coke",
+        "scale": 3.0,
+        "budget": 20,
+    }
+    assert DemoOptions(seed=0).body() == {"material": "pellet", "seed": 0}
+
+
+def test_demo_json_has_exactly_the_promised_fields() -> None:
+    assert summarise(STUDY, 7.126) == {
+        "material": "pellet",
+        "scale": 2.0,
+        "target_deg": 25.5,
+        "window_deg": [25.0, 26.0],
+        "optimum": {"rolling_resistance": 0.3},
+        "angle_deg": 25.44,
+        "repeats_deg": [25.3, 25.5, 25.6],
+        "certified": True,
+        "stop_reason": "certified",
+        "simulations": {"feasible": 5, "unfeasible": 9, "error": 1},
+        "minutes": 7.13,
+    }
+
+
+def test_a_study_without_an_angle_claims_nothing() -> None:
+    study = {**STUDY, "recommendation": None, "stop": {"reason": "too_many_failures", "text": None}}
+    outcome = summarise(study, 1.0)
+    assert (outcome["optimum"], outcome["angle_deg"], outcome["certified"]) == ({}, None, False)
+    assert "there is no optimum" in told(outcome, study)
+
+
+@pytest.mark.parametrize(
+    ("certified", "words"), [(True, "25.44°, certified."), (False, "25.44°, not certified.")]
+)
+def test_the_end_says_whether_it_is_certified(certified: bool, words: str) -> None:
+    study = {**STUDY, "recommendation": {**STUDY["recommendation"], "certified": certified}}
+    text = told(summarise(study, 7.0), study)
+    assert words in text
+    assert "Ended after 7.0 minutes: Within 0.5 deg (90 %)." in text
+
+
+def told(outcome: dict[str, Any], study: dict[str, Any]) -> str:
+    out = io.StringIO()
+    tell(outcome, study, Console(file=out, width=100))
+    return out.getvalue()
