@@ -15,6 +15,7 @@ from service.api import designs, events, health, jobs, materials, studies
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
 from service.db.session import Database
+from service.logs import configure_logs
 from service.settings import Settings, get_settings
 
 VERSION = "0.1.0"
@@ -27,6 +28,7 @@ Every error is problem+json (RFC 9457). Numbers are SI unless their name says ot
 def create_app(settings: Settings | None = None) -> FastAPI:
     """The application for `settings` (default: the process's). It connects when first asked."""
     settings = settings or get_settings()
+    configure_logs(settings.log_level)
     database = Database(settings.resolved_database_url)
 
     @asynccontextmanager

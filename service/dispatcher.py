@@ -18,6 +18,7 @@ from sqlalchemy.exc import DBAPIError
 from service.db import queries
 from service.db.presence import report_end, report_presence
 from service.db.session import Database
+from service.logs import configure_logs
 from service.queue import BrokerAway, Publisher
 from service.settings import Settings, get_settings
 from service.studies.reap_job import reap_job
@@ -119,7 +120,9 @@ def main() -> None:
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda _number, _frame: stop.set())
-    run_dispatcher(get_settings(), stop)
+    settings = get_settings()
+    configure_logs(settings.log_level)
+    run_dispatcher(settings, stop)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from celery.signals import worker_init, worker_process_init, worker_process_shut
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.db.presence import report_end, report_presence
+from service.logs import configure_logs
 from service.queue import BROKER_SETTINGS
 from worker import installation, process
 
@@ -24,6 +25,7 @@ log = structlog.get_logger(__name__)
 
 PRESENCE_SECONDS = 5.0
 
+configure_logs(installation.settings().log_level)
 app = Celery("talus", broker=installation.settings().resolved_broker_url, include=["worker.tasks"])
 app.conf.update(
     BROKER_SETTINGS,

@@ -15,12 +15,12 @@ from demcore.errors import Cancelled
 from demcore.experiments.pile_result import PileResult
 from demcore.experiments.pile_test import ContactParameters, PileTest, Progress, run_pile_test
 from demcore.material import load_material
+from demcore.picture import draw_pile
 from demcore.rig import load_rig
 from service.domain.outcome import PileMeasurement, StoredArtifact
 from service.domain.search_space import PARAMETERS
 from service.settings import Settings
 from service.studies.claim_job import Claim
-from worker.picture import draw_pile
 
 Report = Callable[[Mapping[str, Any]], bool]
 
@@ -125,7 +125,7 @@ def store_files(result: PileResult, artifacts_dir: Path) -> tuple[StoredArtifact
     with tempfile.TemporaryDirectory(prefix=".incoming-", dir=artifacts_dir) as folder:
         data, picture = Path(folder) / "result.vtkhdf", Path(folder) / "pile.png"
         result.write(data)
-        draw_pile(result, picture)
+        draw_pile(result.positions, result.radii, result.test.rig.base_radius, picture)
         return (
             store_file(data, "vtkhdf", "application/x-hdf5", artifacts_dir),
             store_file(picture, "picture", "image/png", artifacts_dir),

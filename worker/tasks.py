@@ -61,11 +61,14 @@ def perform(job_id: str) -> None:
 
 
 def record(claim: Claim, write: Write) -> None:
-    """Write the result. One that the database refuses (not: cannot take now) fails the job."""
+    """Write the result. One that the database refuses (not: cannot take now) fails the job.
+
+    psycopg raises ValueError and TypeError itself for what is no JSON, the other driver through SQLAlchemy.
+    """
     database = installation.database()
     try:
         recorded = persist(database, write)
-    except StatementError as error:
+    except (StatementError, ValueError, TypeError) as error:
         if isinstance(error, OperationalError | InterfaceError):
             raise
         log.exception("result refused")

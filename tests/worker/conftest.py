@@ -1,4 +1,4 @@
-"""The databases that these tests run on."""
+"""The databases that these tests run on, and a worker process that lives in the test's own."""
 
 from tests.builders.databases import (
     database,
@@ -7,5 +7,14 @@ from tests.builders.databases import (
     postgres_database,
     sqlite_database,
 )
+from tests.builders.work import settings, worker
 
-__all__ = ["database", "migrated_sqlite", "postgres", "postgres_database", "sqlite_database"]
+__all__ = [
+    "database",
+    "migrated_sqlite",
+    "postgres",
+    "postgres_database",
+    "settings",
+    "sqlite_database",
+    "worker",
+]
