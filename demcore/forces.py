@@ -58,6 +58,29 @@ class Walls(NamedTuple):
 
 
 @leaf
+def touching_pair(
+    tables: Tables, a: int, b: int, size_i: float, size_j: float, mass: float, radius: float
+) -> Pair:
+    """What the laws may know of a contact between materials a and b; element by element, because a row as an
+    array of its own would be counted as a reference, once per contact."""
+    p = tables.pair
+    return Pair(
+        size_i,
+        size_j,
+        mass,
+        radius,
+        tables.youngs[a],
+        tables.youngs[b],
+        p[a, b, 4],
+        p[a, b, 5],
+        p[a, b, 0],
+        p[a, b, 1],
+        p[a, b, 2],
+        p[a, b, 3],
+    )
+
+
+@leaf
 def contact_wrench(
     model: ContactModel,
     pair: Pair,
@@ -161,21 +184,7 @@ def slab_forces(
                 vy - state[j, 5] - (uz * n.x - ux * n.z),
                 vz - state[j, 6] - (ux * n.y - uy * n.x),
             )
-            p = tables.pair[a, b]
-            pair = Pair(
-                2.0 * r,
-                2.0 * rj,
-                m * mj / (m + mj),
-                r * rj / reach,
-                tables.youngs[a],
-                tables.youngs[b],
-                p[4],
-                p[5],
-                p[0],
-                p[1],
-                p[2],
-                p[3],
-            )
+            pair = touching_pair(tables, a, b, 2.0 * r, 2.0 * rj, m * mj / (m + mj), r * rj / reach)
             spin = Vec3(wx - state[j, 8], wy - state[j, 9], wz - state[j, 10])
             f, ft, couple = contact_wrench(model, pair, s, n, v, spin, history, k, dt)
             # Torque of F_t about each centre: -arm n x F_t on both sides.
@@ -196,35 +205,20 @@ def slab_forces(
             force[j, 5] -= couple.z + arm_j * cz
         for k in range(neighbours.wall_start[i], neighbours.wall_start[i + 1]):
             w = neighbours.wall_index[k]
-            wall = walls.data[w]
-            d, n = wall_distance(walls.kind[w], wall, x, y, z)
+            d, n = wall_distance(walls.kind[w], walls.data, w, x, y, z)
             if d >= r:
                 if neighbours.wall_history[k, 1] != 0.0:
                     forget(neighbours.wall_history, k)
                 continue
-            surface = wall_velocity(wall, x - d * n.x, y - d * n.y, z - d * n.z)
+            surface = wall_velocity(walls.data, w, x - d * n.x, y - d * n.y, z - d * n.z)
             v = Vec3(
                 vx - surface.x - d * (wy * n.z - wz * n.y),
                 vy - surface.y - d * (wz * n.x - wx * n.z),
                 vz - surface.z - d * (wx * n.y - wy * n.x),
             )
-            b = int(wall[17])
-            p = tables.pair[a, b]
-            pair = Pair(
-                2.0 * r,
-                2.0 * r,
-                m,
-                r,
-                tables.youngs[a],
-                tables.youngs[b],
-                p[4],
-                p[5],
-                p[0],
-                p[1],
-                p[2],
-                p[3],
-            )
-            spin = Vec3(wx - wall[11], wy - wall[12], wz - wall[13])
+            b = int(walls.data[w, 17])
+            pair = touching_pair(tables, a, b, 2.0 * r, 2.0 * r, m, r)
+            spin = Vec3(wx - walls.data[w, 11], wy - walls.data[w, 12], wz - walls.data[w, 13])
             f, ft, couple = contact_wrench(model, pair, r - d, n, v, spin, neighbours.wall_history, k, dt)
             fx += f.x
             fy += f.y

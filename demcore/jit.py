@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.extending import overload
-
 
 
 def sources_hash(folder: Path) -> str:
@@ -31,7 +30,7 @@ def sources_hash(folder: Path) -> str:
 
 _HERE = Path(__file__).parent
 _CACHE_BASE = Path(os.environ.get("NUMBA_CACHE_DIR") or _HERE / "__pycache__")
-numba.config.CACHE_DIR = str(_CACHE_BASE / f"numba-{sources_hash(_HERE)}")
+cast(Any, numba.config).CACHE_DIR = str(_CACHE_BASE / f"numba-{sources_hash(_HERE)}")
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -60,14 +59,14 @@ def leaf(function: F) -> F:
 prange = numba.prange
 
 
-def law_dispatch(laws: dict[type, Callable[..., Any]], generic: F) -> F:
+def law_dispatch(laws: Mapping[Any, Callable[..., Any]], generic: F) -> F:
     """Let `generic(law, ...)` call the implementation that belongs to the type of `law`.
 
     The choice is made while compiling, from the NamedTuple's type, so a composed contact model costs nothing at
     run time; without JIT, `generic` itself looks the implementation up.
     """
 
-    def choose(law: Any, *arguments: Any) -> Callable[..., Any]:
+    def choose(law: Any, *arguments: Any) -> Callable[..., Any]:  # noqa: ARG001 (Numba matches the names)
         implementation = laws[law.instance_class]
 
         def call(law: Any, *arguments: Any) -> Any:

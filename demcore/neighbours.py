@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from demcore.forces import HISTORY_WIDTH, Neighbours, Walls
 from demcore.geometry.walls import wall_distance
 from demcore.jit import kernel, leaf, parallel_kernel, prange
-from demcore.particles import R, X, Z, Floats, Particles
+from demcore.particles import Floats, Particles, R, X, Z
 
 Integers = NDArray[np.int64]
 
@@ -110,10 +110,10 @@ def build_grid(state: Floats, skin: float) -> Grid:
     largest, smallest = float(radius.max()), float(radius.min())
     levels = int(np.floor(np.log2(largest / smallest) + 1e-9)) + 1
     level = np.minimum(np.floor(np.log2(largest / radius) + 1e-9).astype(np.int64), levels - 1)
-    biggest = largest * 0.5 ** np.arange(levels)
+    biggest: Floats = largest * 0.5 ** np.arange(levels, dtype=np.float64)
     # The level is computed with a tolerance, so a radius may exceed its level's bound by rounding.
     biggest *= 1.0 + 1e-6
-    size = 2.0 * biggest + skin
+    size: Floats = 2.0 * biggest + skin
     position = state[:, X : Z + 1]
     origin = position.min(axis=0)
     extent = position.max(axis=0) - origin
@@ -149,7 +149,9 @@ def find_partners(
             inverse = 1.0 / grid.size[level]
             dx, dy, dz = x - grid.origin[0], y - grid.origin[1], z - grid.origin[2]
             nx, ny, nz = grid.dims[level, 0], grid.dims[level, 1], grid.dims[level, 2]
-            for cx in range(max(0, int((dx - reach) * inverse)), min(nx - 1, int((dx + reach) * inverse)) + 1):
+            for cx in range(
+                max(0, int((dx - reach) * inverse)), min(nx - 1, int((dx + reach) * inverse)) + 1
+            ):
                 for cy in range(
                     max(0, int((dy - reach) * inverse)), min(ny - 1, int((dy + reach) * inverse)) + 1
                 ):
@@ -172,9 +174,7 @@ def find_partners(
 
 
 @leaf
-def carry_pair(
-    i: int, j: int, k: int, order: Integers, old: Neighbours, history: Floats
-) -> None:
+def carry_pair(i: int, j: int, k: int, order: Integers, old: Neighbours, history: Floats) -> None:
     """Copy the history of pair (i, j) from the list before the search, if it had one.
 
     The owner may have changed with the order: spring and couple are kept for the owner, so they turn sign.
@@ -227,7 +227,7 @@ def list_walls(
         start[i + 1] = start[i]
         for w in range(len(walls.kind)):
             if walls.kind[w] >= 0:
-                d, _ = wall_distance(walls.kind[w], walls.data[w], state[i, 0], state[i, 1], state[i, 2])
+                d, _ = wall_distance(walls.kind[w], walls.data, w, state[i, 0], state[i, 1], state[i, 2])
                 if d < state[i, 3] + skin:
                     start[i + 1] += 1
     index = np.empty(start[-1], np.int32)
@@ -237,7 +237,7 @@ def list_walls(
         for w in range(len(walls.kind)):
             if walls.kind[w] < 0:
                 continue
-            d, _ = wall_distance(walls.kind[w], walls.data[w], state[i, 0], state[i, 1], state[i, 2])
+            d, _ = wall_distance(walls.kind[w], walls.data, w, state[i, 0], state[i, 1], state[i, 2])
             if d >= state[i, 3] + skin:
                 continue
             index[k] = w
@@ -246,6 +246,12 @@ def list_walls(
                     history[k] = old.wall_history[q]
             k += 1
     return start, index, history
+
+
+def forget_all(particles: Particles) -> Particles:
+    """The same arrays with no particle in them."""
+    p = particles
+    return Particles(p.state[:0], p.force[:0], p.material[:0], p.number[:0], p.home[:0])
 
 
 def empty_neighbours(count: int) -> Neighbours:
@@ -262,7 +268,14 @@ def empty_neighbours(count: int) -> Neighbours:
 
 
 def _find_all(
-    slabs: Integers, state: Floats, grid: Grid, skin: float, room: int, found: Any, count: Integers, needed: Integers
+    slabs: Integers,
+    state: Floats,
+    grid: Grid,
+    skin: float,
+    room: int,
+    found: Any,
+    count: Integers,
+    needed: Integers,
 ) -> None:
     for k in prange(len(slabs) - 1):
         out = found[slabs[k] * room : slabs[k + 1] * room]
@@ -297,8 +310,7 @@ def search(
     """
     alive = np.arange(len(particles.number)) if keep is None else np.flatnonzero(keep)
     if len(alive) == 0:
-        gone = Particles(*(a[:0].copy() for a in particles))
-        return gone, empty_neighbours(0)
+        return forget_all(particles), empty_neighbours(0)
     state = particles.state[alive]
     order, slabs = spatial_order(state[:, X : Z + 1], state[:, R], skin)
     order_of_old = alive[order]

@@ -19,7 +19,7 @@ from demcore.forces import Neighbours, Tables, Walls
 from demcore.geometry.walls import WALL_WIDTH, Wall
 from demcore.integrator import advance_serial, advance_threaded
 from demcore.neighbours import empty_neighbours, search
-from demcore.particles import M, R, VX, VZ, WX, WZ, I, Particles, X, Z
+from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z
 
 GRAVITY = (0.0, 0.0, -9.81)
 # Share of the smallest radius: longer lists against rarer searches; flat optimum between .2 and .5.
@@ -97,7 +97,9 @@ class Simulation:
             number = int(self.particles.number[np.flatnonzero(bad)[0]])
             raise BlowUp(f"particle {number} is no longer finite at {self.time:.4f} s")
         keep = (
-            (state[:, Z] >= self.floor) & (np.abs(state[:, X]) <= self.reach) & (np.abs(state[:, X + 1]) <= self.reach)
+            (state[:, Z] >= self.floor)
+            & (np.abs(state[:, X]) <= self.reach)
+            & (np.abs(state[:, X + 1]) <= self.reach)
         )
         self.left += [(int(number), self.step) for number in self.particles.number[~keep]]
         self.particles, self.neighbours = search(
@@ -135,7 +137,11 @@ class Simulation:
         """J, of travel and spin."""
         s = self.particles.state
         return float(
-            0.5 * (s[:, M] * (s[:, VX : VZ + 1] ** 2).sum(axis=1) + s[:, I] * (s[:, WX : WZ + 1] ** 2).sum(axis=1)).sum()
+            0.5
+            * (
+                s[:, M] * (s[:, VX : VZ + 1] ** 2).sum(axis=1)
+                + s[:, I] * (s[:, WX : WZ + 1] ** 2).sum(axis=1)
+            ).sum()
         )
 
 

@@ -58,7 +58,11 @@ def _single(
 ) -> Simulation:
     """One sphere of the standard density and its walls, at the paper's time step divided by `finer`."""
     bed = spheres(
-        np.array([position]), np.array([radius]), DENSITY, velocity=np.array([velocity]), spin=np.array([spin])
+        np.array([position]),
+        np.array([radius]),
+        DENSITY,
+        velocity=np.array([velocity]),
+        spin=np.array([spin]),
     )
     dt = time_step(2.0 * radius, DENSITY, youngs, contact.restitution, "paper") / finer
     return Simulation(
@@ -93,16 +97,25 @@ def normal_impact() -> Iterator[Outcome]:
         w = math.sqrt(DENSITY * 4 / 3 * math.pi * radius**3 / (E * radius))
         rebound = math.sqrt(e * e + residual * (1 - e * e) ** 2)
         yield Outcome(f"normal impact, e = {e:g}: rebound", SECTION_3, rebound, _state(s, 6) / v, 0.003)
-        yield Outcome(f"normal impact, e = {e:g}: largest overlap / m", SECTION_3, v * w, deepest, 0.01 * v * w)
+        yield Outcome(
+            f"normal impact, e = {e:g}: largest overlap / m", SECTION_3, v * w, deepest, 0.01 * v * w
+        )
         loading = math.pi / 2 * w + 1e-4 * radius / v
-        yield Outcome(f"normal impact, e = {e:g}: loading time / s", SECTION_3, loading, loaded_at, 1.5 * s.dt)
+        yield Outcome(
+            f"normal impact, e = {e:g}: loading time / s", SECTION_3, loading, loaded_at, 1.5 * s.dt
+        )
 
 
 def bounce_heights() -> Iterator[Outcome]:
     """A dropped sphere: h_k = R + e^(2k) (h0 - R)."""
     radius, e, h0 = 0.01, 0.8, 0.2
     s = _single(
-        Interaction(e, 0.0, 0.0, 0.0), [FLOOR], (0.0, 0.0, h0), radius=radius, gravity=(0.0, 0.0, -G), finer=2.0
+        Interaction(e, 0.0, 0.0, 0.0),
+        [FLOOR],
+        (0.0, 0.0, h0),
+        radius=radius,
+        gravity=(0.0, 0.0, -G),
+        finer=2.0,
     )
     heights: list[float] = []
     highest, rising = 0.0, False
@@ -136,15 +149,25 @@ def gross_sliding() -> Iterator[Outcome]:
         s.advance(1200)
         yield Outcome(f"gross sliding, {degrees} deg: e_t", SECTION_3, e_t, _state(s, 4) / vt, 0.004)
         # Sliding along +x turns the sphere about +y; the table counts the spin the other way round.
-        yield Outcome(f"gross sliding, {degrees} deg: spin / rad/s", SECTION_3, omega, -_state(s, 9), 0.01 * abs(omega))
+        yield Outcome(
+            f"gross sliding, {degrees} deg: spin / rad/s", SECTION_3, omega, -_state(s, 9), 0.01 * abs(omega)
+        )
 
 
-def _on_floor(contact: Interaction, radius: float, th: float = 0.0, **start: tuple[float, float, float]) -> Simulation:
+def _on_floor(
+    contact: Interaction,
+    radius: float,
+    th: float = 0.0,
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Simulation:
     """A sphere at its resting overlap on a plane; gravity is turned by `th` instead of the plane."""
     load = DENSITY * 4 / 3 * math.pi * radius**3 * G * math.cos(th)
     overlap = load / (E * radius)
     gravity = (G * math.sin(th), 0.0, -G * math.cos(th))
-    return _single(contact, [FLOOR], (0.0, 0.0, radius - overlap), radius=radius, gravity=gravity, **start)
+    return _single(
+        contact, [FLOOR], (0.0, 0.0, radius - overlap), velocity, spin, radius=radius, gravity=gravity
+    )
 
 
 def sliding_to_rolling() -> Iterator[Outcome]:
@@ -163,7 +186,9 @@ def rolling_decay() -> Iterator[Outcome]:
     """Pure rolling slows with a = (5/7) mu_r g."""
     radius, v0 = 0.02, 1.0
     for mu_r in (0.02, 0.05, 0.10):
-        s = _on_floor(Interaction(0.5, 0.5, 0.5, mu_r), radius, velocity=(v0, 0.0, 0.0), spin=(0.0, v0 / radius, 0.0))
+        s = _on_floor(
+            Interaction(0.5, 0.5, 0.5, mu_r), radius, velocity=(v0, 0.0, 0.0), spin=(0.0, v0 / radius, 0.0)
+        )
         s.advance(int(0.05 / s.dt))
         v, t = _state(s, 4), s.time
         s.advance(int(0.5 / s.dt))
@@ -181,7 +206,9 @@ def rolling_incline() -> Iterator[Outcome]:
         v, t = _state(s, 4), s.time
         s.advance(int(0.4 / s.dt))
         got = (_state(s, 4) - v) / (s.time - t)
-        yield Outcome(f"rolling down 20 deg, mu_r = {mu_r:g} / m/s2", SECTION_3, expected, got, 0.01 * expected)
+        yield Outcome(
+            f"rolling down 20 deg, mu_r = {mu_r:g} / m/s2", SECTION_3, expected, got, 0.01 * expected
+        )
 
 
 def rolling_threshold() -> Iterator[Outcome]:
@@ -211,7 +238,9 @@ def belt_drop() -> Iterator[Outcome]:
     )
     s.advance(int(1.0 / s.dt))
     yield Outcome("sphere on a belt: speed / m/s", SECTION_3, 2 / 7 * v, _state(s, 4), 0.01 * v)
-    yield Outcome("sphere on a belt: spin / rad/s", SECTION_3, -5 / 7 * v / radius, _state(s, 9), 0.01 * v / radius)
+    yield Outcome(
+        "sphere on a belt: spin / rad/s", SECTION_3, -5 / 7 * v / radius, _state(s, 9), 0.01 * v / radius
+    )
 
 
 def damping_spares_impacts() -> Iterator[Outcome]:
@@ -222,7 +251,9 @@ def damping_spares_impacts() -> Iterator[Outcome]:
         s = _single(contact, [FLOOR], (0.0, 0.0, 0.010001), (0.0, 0.0, -1.0), model=paper_model(damping))
         s.advance(400)
         speeds.append(_state(s, 6))
-    yield Outcome("aged damping leaves one impact alone / m/s", "physics.md section 1", speeds[0], speeds[1], 0.0)
+    yield Outcome(
+        "aged damping leaves one impact alone / m/s", "physics.md section 1", speeds[0], speeds[1], 0.0
+    )
 
 
 def chung_ooi_normal() -> Iterator[Outcome]:

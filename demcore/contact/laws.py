@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from demcore.contact.coulomb_spring import CoulombSpring, coulomb_spring
@@ -11,9 +12,11 @@ from demcore.contact.model import ContactModel
 from demcore.contact.type3_rolling import Type3Rolling, type3_rolling
 from demcore.jit import law_dispatch
 
-NORMAL = {HystereticLinearSpring: hysteretic_normal, Hertz: hertz_normal}
-TANGENTIAL = {CoulombSpring: coulomb_spring}
-ROLLING = {Type3Rolling: type3_rolling}
+Laws = dict[Any, Callable[..., Any]]
+
+NORMAL: Laws = {HystereticLinearSpring: hysteretic_normal, Hertz: hertz_normal}
+TANGENTIAL: Laws = {CoulombSpring: coulomb_spring}
+ROLLING: Laws = {Type3Rolling: type3_rolling}
 
 
 def normal_force(law: Any, *arguments: Any) -> Any:

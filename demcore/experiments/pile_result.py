@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from demcore.errors import NoResult
 from demcore.observables.repose_angle import (
@@ -20,7 +21,7 @@ from demcore.observables.repose_angle import (
     surface_scan,
 )
 from demcore.output import write_spheres
-from demcore.particles import M, R, VX, VZ, Floats, X, Z
+from demcore.particles import VX, VZ, Floats, M, R, X, Z
 
 if TYPE_CHECKING:
     from demcore.experiments.pile_test import PileRun, PileTest
@@ -39,7 +40,7 @@ class PileResult:
     positions: Floats
     radii: Floats
     velocities: Floats
-    material_rows: Floats
+    material_rows: NDArray[np.int32]
     numbers: dict[str, float]
 
     @property

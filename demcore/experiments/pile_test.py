@@ -29,7 +29,7 @@ from demcore.forces import Neighbours, Walls
 from demcore.geometry.walls import Wall
 from demcore.insertion import fill_cylinder
 from demcore.material import Material, coarse_grain
-from demcore.particles import M, R, VX, VZ, Particles, Z, spheres
+from demcore.particles import VX, VZ, M, Particles, R, Z, spheres
 from demcore.rig import Rig
 from demcore.simulation import Simulation, wall_arrays
 from demcore.time_step import PRESETS, time_step
@@ -223,8 +223,16 @@ class PileRun:
         """Everything between two steps, neighbour list and histories included."""
         s = self.simulation
         numbers = {name: getattr(self, name) for name in self.NUMBERS}
-        numbers |= {"identity": self.test.identity(), "step": s.step, "searches": s.searches, "stale": s.stale}
-        arrays: dict[str, NDArray[Any]] = {"wall_way": s.wall_way, "left": np.array(s.left, np.int64).reshape(-1, 2)}
+        numbers |= {
+            "identity": self.test.identity(),
+            "step": s.step,
+            "searches": s.searches,
+            "stale": s.stale,
+        }
+        arrays: dict[str, NDArray[Any]] = {
+            "wall_way": s.wall_way,
+            "left": np.array(s.left, np.int64).reshape(-1, 2),
+        }
         for group, record in (("p", s.particles), ("n", s.neighbours), ("w", s.walls)):
             arrays |= {f"{group}_{name}": value for name, value in record._asdict().items()}
         checkpoint.save(path, numbers, arrays)

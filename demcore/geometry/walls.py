@@ -73,26 +73,28 @@ class Wall:
 
 
 @leaf
-def wall_distance(kind: int, wall: NDArray[np.float64], x: float, y: float, z: float) -> tuple[float, Vec3]:
-    """Distance of a point to a wall, m, and the unit normal towards the point.
+def wall_distance(
+    kind: int, walls: NDArray[np.float64], w: int, x: float, y: float, z: float
+) -> tuple[float, Vec3]:
+    """Distance of a point to wall w, m, and the unit normal towards the point.
 
     Negative only behind a plane, which is solid; 1e30 where there is no nearest point (a tube's axis).
     """
-    qx, qy, qz = x - wall[0], y - wall[1], z - wall[2]
-    ax, ay, az = wall[3], wall[4], wall[5]
+    qx, qy, qz = x - walls[w, 0], y - walls[w, 1], z - walls[w, 2]
+    ax, ay, az = walls[w, 3], walls[w, 4], walls[w, 5]
     h = qx * ax + qy * ay + qz * az
     if kind == PLANE:
         return h, Vec3(ax, ay, az)
     rx, ry, rz = qx - h * ax, qy - h * ay, qz - h * az
     rho = math.sqrt(rx * rx + ry * ry + rz * rz)
-    radius = wall[6]
+    radius = walls[w, 6]
     if kind == DISC:
         if rho <= radius:
             side = 1.0 if h >= 0.0 else -1.0
             return abs(h), Vec3(side * ax, side * ay, side * az)
         along = 0.0
     else:
-        along = min(max(h, 0.0), wall[7])
+        along = min(max(h, 0.0), walls[w, 7])
         if rho == 0.0:
             return 1e30, Vec3(ax, ay, az)
     share = 1.0 - radius / rho
@@ -106,11 +108,11 @@ def wall_distance(kind: int, wall: NDArray[np.float64], x: float, y: float, z: f
 
 
 @leaf
-def wall_velocity(wall: NDArray[np.float64], x: float, y: float, z: float) -> Vec3:
-    """Velocity of the wall's surface at a point: travel, rotation about the centre, belt. m/s."""
-    qx, qy, qz = x - wall[0], y - wall[1], z - wall[2]
+def wall_velocity(walls: NDArray[np.float64], w: int, x: float, y: float, z: float) -> Vec3:
+    """Velocity of the surface of wall w at a point: travel, rotation about the centre, belt. m/s."""
+    qx, qy, qz = x - walls[w, 0], y - walls[w, 1], z - walls[w, 2]
     return Vec3(
-        wall[8] + wall[12] * qz - wall[13] * qy + wall[14],
-        wall[9] + wall[13] * qx - wall[11] * qz + wall[15],
-        wall[10] + wall[11] * qy - wall[12] * qx + wall[16],
+        walls[w, 8] + walls[w, 12] * qz - walls[w, 13] * qy + walls[w, 14],
+        walls[w, 9] + walls[w, 13] * qx - walls[w, 11] * qz + walls[w, 15],
+        walls[w, 10] + walls[w, 11] * qy - walls[w, 12] * qx + walls[w, 16],
     )

@@ -49,7 +49,9 @@ def _raise_tops(height: Floats, axis: Floats, position: Floats, radius: Floats) 
     n = len(axis)
     for k in range(len(radius)):
         x, y, z, r = position[k, 0], position[k, 1], position[k, 2], radius[k]
-        for i in range(max(0, int((x - r - axis[0]) / cell)), min(n - 1, int((x + r - axis[0]) / cell) + 1) + 1):
+        for i in range(
+            max(0, int((x - r - axis[0]) / cell)), min(n - 1, int((x + r - axis[0]) / cell) + 1) + 1
+        ):
             for j in range(
                 max(0, int((y - r - axis[0]) / cell)), min(n - 1, int((y + r - axis[0]) / cell) + 1) + 1
             ):
@@ -58,18 +60,18 @@ def _raise_tops(height: Floats, axis: Floats, position: Floats, radius: Floats) 
                     height[i, j] = max(height[i, j], z + rest**0.5)
 
 
-def scan_heights(position: Floats, radius: Floats, base_radius: float, grid: float = SCAN_GRID) -> HeightField:
+def scan_heights(
+    position: Floats, radius: Floats, base_radius: float, grid: float = SCAN_GRID
+) -> HeightField:
     """Height field over the square around the base; positions (N, 3) m with the base at z = 0."""
     half = int(np.ceil(base_radius / grid))
-    axis = np.arange(-half, half + 1) * grid
+    axis: Floats = np.arange(-half, half + 1, dtype=np.float64) * grid
     height = np.zeros((len(axis), len(axis)))
     _raise_tops(height, axis, np.ascontiguousarray(position), np.ascontiguousarray(radius))
     return HeightField(height, axis)
 
 
-def _fit_sectors(
-    r: Floats, theta: Floats, h: Floats, sectors: int, few: int
-) -> tuple[Floats, Floats]:
+def _fit_sectors(r: Floats, theta: Floats, h: Floats, sectors: int, few: int) -> tuple[Floats, Floats]:
     """Least-squares slope and intercept of h over r per sector; nan with fewer than `few` points."""
     index = np.minimum((theta % (2.0 * np.pi)) / (2.0 * np.pi) * sectors, sectors - 1).astype(np.int64)
     count = np.bincount(index, minlength=sectors).astype(float)
@@ -101,7 +103,9 @@ def surface_scan(field: HeightField, base_radius: float, sectors: int = SCAN_SEC
     r = np.hypot(x, y)
     inside = (r > INNER * base_radius) & (r < OUTER * base_radius)
     if float((field.height[inside] > 0.0).mean()) < 0.5:
-        raise NoResult("more than half of the base between .15 and .9 of its radius is bare: no pile to measure")
+        raise NoResult(
+            "more than half of the base between .15 and .9 of its radius is bare: no pile to measure"
+        )
     theta = np.arctan2(y[inside], x[inside])
     return _reading(*_fit_sectors(r[inside], theta, field.height[inside], sectors, 2))
 

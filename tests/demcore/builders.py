@@ -15,7 +15,9 @@ from demcore.time_step import time_step
 CONTACT = Interaction(0.3, 0.5, 0.45, 0.2)
 
 
-def bed(count=200, seed=1, contact=CONTACT, model=None, threaded=False, walls=None, gravity=(0.0, 0.0, -9.81)):
+def bed(
+    count=200, seed=1, contact=CONTACT, model=None, threaded=False, walls=None, gravity=(0.0, 0.0, -9.81)
+):
     """Spheres of 10 to 30 mm falling into a cylinder of radius 60 mm."""
     rng = np.random.default_rng(seed)
     radius = rng.uniform(0.005, 0.015, count)

@@ -48,7 +48,7 @@ def test_every_pair_is_found_once(threaded, count, smallest, largest, size):
 
 def test_a_pair_never_reaches_beyond_the_next_slab():
     bed = cloud(5, 3000, 0.005, 0.02, 1.0)
-    after, lists = search(bed, empty_neighbours(3000), wall_arrays([]), 0.002)
+    _after, lists = search(bed, empty_neighbours(3000), wall_arrays([]), 0.002)
     owner = np.repeat(np.arange(3000), np.diff(lists.start))
     slab = np.searchsorted(lists.slab_start, np.arange(3000), side="right")
     assert (slab[lists.partner] - slab[owner]).max() <= 1

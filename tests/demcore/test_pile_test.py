@@ -98,7 +98,7 @@ def test_a_checkpoint_of_another_test_is_not_taken_over(tmp_path):
 def test_progress_tells_where_a_run_is(result):
     reports = []
     run_pile_test(small_test(), lambda p: reports.append(p) or True)
-    assert [p.phase for p in reports][0] == "settle"
+    assert next(p.phase for p in reports) == "settle"
     assert reports[-1].phase == "discharge"
     fractions = [p.fraction for p in reports]
     assert fractions == sorted(fractions)

@@ -11,7 +11,9 @@ from demcore.verification import CASES, Outcome
 def test_the_core_meets_the_closed_form(case):
     outcomes = list(case())
     assert outcomes
-    failed = [f"{o.name}: expected {o.expected:.6g}, got {o.got:.6g} ({o.source})" for o in outcomes if not o.passed]
+    failed = [
+        f"{o.name}: expected {o.expected:.6g}, got {o.got:.6g} ({o.source})" for o in outcomes if not o.passed
+    ]
     assert not failed, "\n".join(failed)
 
 

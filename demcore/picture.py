@@ -1,4 +1,4 @@
-"""The pile's picture: lit spheres drawn with numpy, so that a worker needs no screen and no graphics library.
+"""The picture of a pile: lit spheres drawn with numpy, so that no screen and no graphics library is needed.
 
 A parallel projection, seen from the front and 25 degrees above; each sphere is a shaded disc in a depth buffer.
 Matplotlib draws no overlapping spheres right, and a VTK install is a hundred times this page.
@@ -6,29 +6,42 @@ Matplotlib draws no overlapping spheres right, and a VTK install is a hundred ti
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-
-from demcore.experiments.pile_result import PileResult
 
 WIDTH, HEIGHT = 900, 520
 ELEVATION_DEG = 25.0
 BACKGROUND = (244, 245, 247)
 STEEL = (176, 182, 190)
+# Nine stops of matplotlib's viridis (van der Walt and Smith 2015, public domain): even steps in lightness.
+VIRIDIS = np.array(
+    [
+        (68, 1, 84),
+        (72, 40, 120),
+        (62, 74, 137),
+        (49, 104, 142),
+        (38, 130, 142),
+        (31, 158, 137),
+        (53, 183, 121),
+        (110, 206, 88),
+        (253, 231, 37),
+    ],
+    float,
+)
 LIGHT = np.array([-0.45, 0.55, 0.70])
 
 Floats = NDArray[np.float64]
 
 
-def draw_pile(result: PileResult, path: Path) -> None:
-    """Write a PNG of the pile on its base, coloured by height from the base."""
-    base = result.test.rig.base_radius
-    image = render_spheres(result.positions, result.radii, base)
-    Image.fromarray(image).save(path, format="PNG", optimize=True)
+def draw_pile(position: Floats, radius: Floats, base_radius: float, path: Path) -> None:
+    """Write a PNG of spheres on a round base at z = 0, coloured by height; (N, 3) m, (N,) m; whole or not."""
+    aside = path.with_name(path.name + ".part")
+    Image.fromarray(render_spheres(position, radius, base_radius)).save(aside, format="PNG", optimize=True)
+    os.replace(aside, path)
 
 
 def render_spheres(position: Floats, radius: Floats, base_radius: float) -> NDArray[np.uint8]:
@@ -47,7 +60,9 @@ def render_spheres(position: Floats, radius: Floats, base_radius: float) -> NDAr
 
     _draw_base(colour, depth, base_radius * pixels_per_m, up)
     top = float((position[:, 2] + radius).max(initial=1e-9))
-    palette = matplotlib.colormaps["viridis"](np.clip(position[:, 2] / top, 0.0, 1.0))[:, :3] * 255.0
+    share = np.clip(position[:, 2] / top, 0.0, 1.0)
+    stops = np.linspace(0.0, 1.0, len(VIRIDIS))
+    palette = np.column_stack([np.interp(share, stops, VIRIDIS[:, c]) for c in range(3)])
     light = LIGHT / np.sqrt((LIGHT**2).sum())
     for x, y, near, r, paint in zip(*project(position), radius * pixels_per_m, palette, strict=True):
         _draw_sphere(colour, depth, (float(x), float(y), float(near)), float(r), paint, light)
