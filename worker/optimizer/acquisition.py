@@ -88,6 +88,14 @@ def certifiable_means(s: FloatArray, objective: Objective) -> tuple[FloatArray, 
     return np.maximum(near[0], inside[0]), np.minimum(near[1], inside[1])
 
 
+def seeds_for_certificate(sigma: float, objective: Objective) -> int:
+    """Seeds after which a design that lies in the middle of its window could be certified on their mean alone."""
+    lower, upper = objective.window_deg
+    from_window = 0.5 * (upper - lower) * _WINDOW_TABLE[0][-1]
+    from_tolerance = objective.tolerance_deg * _TOLERANCE_TABLE[0][-1]
+    return math.ceil((sigma / min(from_window, from_tolerance)) ** 2)
+
+
 def certificate_chance(
     m: FloatArray, s: FloatArray, r: int, sigma: float, lam: float, objective: Objective
 ) -> FloatArray:

@@ -32,12 +32,12 @@ from sklearn.gaussian_process.kernels import ConstantKernel, DotProduct, Matern
 
 from worker.optimizer.design import FloatArray
 
-TREND_SLOPE_DEG = 12.0
+TREND_SLOPE_DEG = 8.0
 AMPLITUDE_BOUNDS_DEG = (0.3, 20.0)
 LENGTH_BOUNDS = (0.1, 10.0)
 # Median and sd (of the logarithm) of the priors.
-AMPLITUDE_PRIOR = (3.0, 0.8)
-LENGTH_PRIOR = (1.0, 0.7)
+AMPLITUDE_PRIOR = (5.0, 0.5)
+LENGTH_PRIOR = (1.0, 0.5)
 
 
 class TrainingSet(NamedTuple):
