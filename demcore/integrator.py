@@ -5,6 +5,7 @@ v += (F/m + g) dt;  x += v dt;  w += T/I dt. `moved` is (skin/2)^2, m2: beyond i
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ def move_walls(walls: Walls, dt: float) -> float:
             step = walls.data[w, 8 + c] * dt
             walls.data[w, c] += step
             squared += step * step
-        longest = max(longest, squared**0.5)
+        longest = max(longest, math.sqrt(squared))
     return longest
 
 

@@ -7,6 +7,7 @@ whole turn it vanishes with dt.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from demcore.contact.model import Normal, Pair, Tangential, Vec3
@@ -42,7 +43,7 @@ def coulomb_spring(
     limit = friction * max(normal.force, 0.0)
     squared = x * x + y * y + z * z
     if squared > limit * limit:
-        scale = limit / squared**0.5
+        scale = limit / math.sqrt(squared)
         x *= scale
         y *= scale
         z *= scale
@@ -56,7 +57,7 @@ def coulomb_spring(
     fz = z - c * velocity.z
     squared = fx * fx + fy * fy + fz * fz
     if squared > limit * limit:
-        scale = limit / squared**0.5
+        scale = limit / math.sqrt(squared)
         fx *= scale
         fy *= scale
         fz *= scale

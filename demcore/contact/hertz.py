@@ -35,14 +35,14 @@ def hertz_normal(
     dt: float,
 ) -> Normal:
     """Normal force; `speed` is the separation speed v_n, m/s (positive: opening)."""
-    root = (pair.radius * overlap) ** 0.5
+    root = math.sqrt(pair.radius * overlap)
     stiffness = 2.0 * pair.youngs * root
     elastic = stiffness * overlap * (2.0 / 3.0)
     log_e = math.log(pair.restitution)
-    beta = -log_e / (log_e * log_e + math.pi * math.pi) ** 0.5
+    beta = -log_e / math.sqrt(log_e * log_e + math.pi * math.pi)
     shear = 8.0 * pair.shear * root
-    force = elastic - 2.0 * ROOT_FIVE_SIXTHS * beta * (stiffness * pair.mass) ** 0.5 * speed
+    force = elastic - 2.0 * ROOT_FIVE_SIXTHS * beta * math.sqrt(stiffness * pair.mass) * speed
     if law.clamp > 0.0:
         force = max(force, 0.0)
-    damping = 2.0 * ROOT_FIVE_SIXTHS * beta * (shear * pair.mass) ** 0.5
+    damping = 2.0 * ROOT_FIVE_SIXTHS * beta * math.sqrt(shear * pair.mass)
     return Normal(force, elastic, shear, damping, age + dt)

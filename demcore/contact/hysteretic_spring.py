@@ -10,6 +10,7 @@ zeta  long-term damping coefficient; a contact is aged after n loading times (pi
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from demcore.contact.model import Normal, Pair
@@ -61,6 +62,6 @@ def hysteretic_normal(
     # damping it would alter its restitution.
     parting = change < 0.0 and moved <= floor
     if age * age * k_l > limit * limit * pair.mass and not parting:
-        damping = 2.0 * law.damping * (pair.mass * k_l) ** 0.5
+        damping = 2.0 * law.damping * math.sqrt(pair.mass * k_l)
         force = max(elastic - damping * speed, 0.0)
     return Normal(force, elastic, k_l, damping, age)

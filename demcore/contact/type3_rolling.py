@@ -5,6 +5,7 @@ Source: physics.md section 1; Ai, Chen, Rotter and Ooi 2011, model C. K_r = R_r^
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from demcore.contact.model import Normal, Pair, Vec3
@@ -38,7 +39,7 @@ def type3_rolling(
     limit = pair.rolling * pair.radius * max(normal.force, 0.0)
     squared = x * x + y * y + z * z
     if squared > limit * limit:
-        scale = limit / squared**0.5
+        scale = limit / math.sqrt(squared)
         x *= scale
         y *= scale
         z *= scale

@@ -11,6 +11,7 @@ beside the scan, with the share of bins that hold fewer than 3 particles.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +58,7 @@ def _raise_tops(height: Floats, axis: Floats, position: Floats, radius: Floats) 
             ):
                 rest = r * r - (axis[i] - x) ** 2 - (axis[j] - y) ** 2
                 if rest > 0.0:
-                    height[i, j] = max(height[i, j], z + rest**0.5)
+                    height[i, j] = max(height[i, j], z + math.sqrt(rest))
 
 
 def scan_heights(
