@@ -14,6 +14,7 @@ from fastapi.openapi.utils import get_openapi
 from service.api import designs, events, health, jobs, materials, studies
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
+from service.dashboard import assets, pages
 from service.db.session import Database
 from service.logs import configure_logs
 from service.settings import Settings, get_settings
@@ -48,6 +49,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.database = database
     for module in (materials, studies, events, designs, jobs, health):
         app.include_router(module.router)
+    app.include_router(pages.router)
+    app.include_router(assets.router)
     install_handlers(app)
     app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]

@@ -1,0 +1,99 @@
+"""Plain words for what rows hold: states, origins, verdicts, failures and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from service.domain.search_space import PARAMETERS
+
+
+@dataclass(frozen=True)
+class Word:
+    """A short text, and the sentence that explains it."""
+
+    text: str
+    meaning: str
+
+
+# Short names for columns; what the parameter is stands in the search space.
+PARAMETER_NAMES: Mapping[str, str] = {
+    "particle_particle_static_friction": "friction particle–particle",
+    "particle_wall_static_friction": "friction particle–steel",
+    "particle_particle_restitution": "restitution",
+    "rolling_resistance": "rolling resistance",
+}
+
+STUDY_STATES: Mapping[str, Word] = {
+    "running": Word("running", "Simulations are proposed and run."),
+    "finishing": Word("finishing", "Nothing new is proposed; the last simulations end."),
+    "cancelling": Word("stopping", "A user stopped the study; what is in flight ends."),
+    "completed": Word("finished", "The study ended by its own rules."),
+    "cancelled": Word("stopped", "A user stopped the study. What it measured stays."),
+    "failed": Word("failed", "The study could not go on."),
+}
+
+DESIGN_STATES: Mapping[str, Word] = {
+    "WAITING": Word("waiting", "Waits for a free worker."),
+    "RUNNING": Word("simulating", "A worker simulates it now."),
+    "COMPLETE": Word("done", "The simulation ended with a pile."),
+    "FAILED": Word("error", "The simulation gave no repose angle."),
+    "CANCELLED": Word("cancelled", "Stopped before its end; it counts for nothing."),
+}
+
+VERDICTS: Mapping[str, Word] = {
+    "feasible": Word("in window", "Feasible: the repose angle lies inside the accepted window."),
+    "unfeasible": Word("outside", "Unfeasible: the repose angle lies outside the accepted window."),
+    "error": Word("error", "The simulation gave no repose angle."),
+}
+
+ORIGINS: Mapping[str, Word] = {
+    "doe": Word("initial", "Design of experiments: spread over the search space to learn its shape."),
+    "model": Word("model", "Proposed by the model where it expects the largest gain."),
+    "replicate": Word("repeat", "The same parameters with another random seed, to measure the scatter."),
+}
+
+PHASES: Mapping[str, str] = {"settle": "filling and settling", "discharge": "discharge over the rim"}
+
+JOB_KINDS: Mapping[str, str] = {
+    "simulate": "pile test",
+    "propose": "choosing the next parameters",
+    "recommend": "choosing the optimum",
+}
+
+FAILURES: Mapping[str, str] = {
+    "lost": "the worker vanished at every attempt",
+    "out_of_memory": "not enough memory",
+    "blow_up": "the simulation became unstable",
+    "never_settles": "the pile never came to rest",
+    "no_result": "no pile to measure",
+    "error": "the simulation stopped with an error",
+}
+
+# Why a study ended, as its headline says it.
+STOPS: Mapping[str, Word] = {
+    "certified": Word("Certified", "The repose angle is inside the window beyond reasonable doubt."),
+    "budget": Word("Not certified", "The budget of simulations is spent."),
+    "futile": Word("Not certified", "More simulations would not improve the result."),
+    "target_unreachable": Word("Not certified", "No parameters in the search space reach the target."),
+    "too_many_failures": Word("Not certified", "Too many simulations ended in error."),
+    "user": Word("Not certified", "A user stopped the study."),
+    "error": Word("Failed", "The study could not go on."),
+}
+
+UNKNOWN = "Not explained yet."
+
+
+def parameter_name(name: str) -> str:
+    return PARAMETER_NAMES.get(name, name.replace("_", " "))
+
+
+def parameter_meaning(name: str) -> str:
+    known = PARAMETERS.get(name)
+    return known.meaning if known else name
+
+
+def look_up(words: Mapping[str, Word], key: object) -> Word:
+    """The word for `key` (a state or its text); the key itself where there is none."""
+    text = str(getattr(key, "value", key))
+    return words.get(text) or Word(text.lower().replace("_", " "), UNKNOWN)
