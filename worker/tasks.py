@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 
 from demcore.errors import Cancelled
 from service.db import queries
+from service.domain.outcome import FailureClass
 from service.domain.states import JobKind
 from service.queue import TASK_NAMES
 from service.studies.claim_job import Claim, claim_job
@@ -115,7 +116,13 @@ def after_failure(error: Exception, claim: Claim, attempt: Attempt, watch: Stopw
         why = Return("released", "the worker was stopped in order")
         return partial(give_back_job, lease=lease, why=why, cost=cost)
     failure = classify(error)
-    log.warning("attempt failed", failure=failure.failure_class.value, text=failure.text, exc_info=error)
+    unexpected = failure.failure_class is FailureClass.ERROR
+    log.warning(
+        "attempt failed",
+        failure=failure.failure_class.value,
+        text=failure.text,
+        exc_info=error if unexpected else None,
+    )
     why_again = retry_of(failure, claim.time_step_factor, claim.attempts_left)
     if why_again is not None:
         return partial(give_back_job, lease=lease, why=why_again, cost=cost)
