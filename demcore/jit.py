@@ -1,7 +1,7 @@
 """The one place for Numba options, so that decorators stay typed and every kernel obeys the same arithmetic.
 
 No fastmath: every kernel keeps IEEE order, so that serial and threaded runs, and a run that was resumed, give
-the same bits. That is also why kernels call math.sqrt: x**0.5 would stay a call of pow. `error_model="numpy"` drops Python's division checks from the inner loops.
+the same bits. `error_model="numpy"` drops Python's division checks from the inner loops.
 
 Numba's cache looks only at the file of the compiled function, not at the laws that it inlines from other
 modules. So the cache folder carries a hash of all demcore sources: an edit anywhere starts a new cache.
