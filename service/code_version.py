@@ -24,9 +24,14 @@ def hash_sources(package: Path) -> str:
     return total.hexdigest()
 
 
-@lru_cache(maxsize=1)
-def demcore_hash() -> str:
-    """The hash of the demcore that this process would import."""
+def demcore_folder() -> Path:
+    """The folder of the demcore that this process would import."""
     spec = find_spec("demcore")
     assert spec is not None and spec.submodule_search_locations is not None, "demcore is part of the install"
-    return hash_sources(Path(next(iter(spec.submodule_search_locations))))
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+@lru_cache(maxsize=1)
+def demcore_hash() -> str:
+    """The hash of that demcore."""
+    return hash_sources(demcore_folder())

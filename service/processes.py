@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from service.broker import server_command
+from service.code_version import demcore_folder
 from service.settings import Settings
 
 # An open event stream would keep uvicorn alive for ever; after this many seconds it is cut.
@@ -85,6 +86,14 @@ def environment(settings: Settings, spec: ProcessSpec) -> dict[str, str]:
         "TALUS_BROKER_URL": settings.resolved_broker_url,
         "PYTHONUNBUFFERED": "1",
     }
-    # Below it demcore/jit.py makes one folder for each state of its sources.
-    compiled = {"NUMBA_CACHE_DIR": str(settings.data_dir / "numba")}
-    return {**compiled, **os.environ, **shared, **spec.extra_environment}
+    return {**compiled_kernels(settings), **os.environ, **shared, **spec.extra_environment}
+
+
+def compiled_kernels(settings: Settings) -> dict[str, str]:
+    """Where Numba keeps what it compiled: beside demcore's sources, as the tests do, if that can be written.
+
+    demcore/jit.py makes a folder there for each state of its sources.
+    """
+    if os.access(demcore_folder(), os.W_OK):
+        return {}
+    return {"NUMBA_CACHE_DIR": str(settings.data_dir / "numba")}

@@ -60,7 +60,7 @@ class Served:
         return subprocess.Popen(
             [sys.executable, "-m", "service.cli", "serve"],
             cwd=ROOT,
-            env={"NUMBA_CACHE_DIR": str(ROOT / "var" / "numba"), **shared, **own},
+            env={**shared, **own},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
