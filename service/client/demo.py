@@ -43,6 +43,7 @@ class DemoOptions:
 
 def run_demo(settings: Settings, options: DemoOptions, console: Console) -> int:
     """The exit status. Raises StartupError, RefusedError or ServiceAwayError with a sentence for the user."""
+    console.print(f"The service's data is in {settings.data_dir}; starting.", highlight=False, soft_wrap=True)
     with running_service(settings) as service, Client(service.url) as client:
         started = time.monotonic()
         study = client.create_study(options.body())
