@@ -182,7 +182,7 @@ def _simulation_figures(r: Mapping[str, Any]) -> Sequence[Figure]:
         ),
         Figure(
             "Random seed",
-            formats.count(r.get("seed")).replace(formats.THIN, ""),
+            str(r.get("seed", formats.NOTHING)),
             "the same seed gives the same bits",
         ),
     )

@@ -1,0 +1,118 @@
+"""A served dashboard over a database of the test's, and a browser page that tolerates no fault."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import pytest
+import uvicorn
+
+from service.app import create_app
+from service.settings import Settings
+from tests.browser.chromium import LAPTOP, missing, running_chromium
+from tests.builders.databases import migrated_sqlite, sqlite_database
+from tests.builders.web import settings
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+__all__ = ["migrated_sqlite", "settings", "sqlite_database"]
+
+
+class Server:
+    """The application on a free port, in a thread; it can be stopped and started again there."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self.port = int(free.getsockname()[1])
+        self.url = f"http://127.0.0.1:{self.port}"
+        self._server: uvicorn.Server | None = None
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        config = uvicorn.Config(
+            create_app(self._settings), port=self.port, log_level="error", timeout_graceful_shutdown=0
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._server.run, daemon=True)
+        self._thread.start()
+        deadline = time.monotonic() + 20.0
+        while not self._server.started:
+            assert time.monotonic() < deadline, "the server does not start"
+            time.sleep(0.02)
+
+    def stop(self) -> None:
+        if self._server is not None and self._thread is not None:
+            self._server.should_exit = True
+            self._thread.join(20.0)
+            assert not self._thread.is_alive()
+            self._server = None
+
+
+@dataclass
+class Faults:
+    """What a page did wrong. `is_server_away`: connections may fail for a while."""
+
+    found: list[str] = field(default_factory=list)
+    is_server_away: bool = False
+
+    def watch(self, page: Page, url: str) -> None:
+        host = urlsplit(url).netloc
+        # A violation of the policy is a console error, too; so is a file that is not found.
+        page.on("console", lambda message: self._add(f"console {message.type}: {message.text}", message.type))
+        page.on("pageerror", lambda error: self.found.append(f"script: {error}"))
+
+        def check(address: str) -> None:
+            parts = urlsplit(address)
+            if parts.scheme not in ("data", "blob") and parts.netloc != host:
+                self.found.append(f"outside request: {address}")
+
+        page.on("request", lambda request: check(request.url))
+
+    def _add(self, text: str, kind: str) -> None:
+        is_expected = self.is_server_away and "net::ERR_" in text
+        if kind in ("error", "warning") and not is_expected:
+            self.found.append(text)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    reason = missing()
+    if reason is not None:
+        pytest.skip(f"browser tests: {reason}")
+    with running_chromium() as found:
+        yield found
+
+
+@pytest.fixture
+def server(settings: Settings) -> Iterator[Server]:
+    made = Server(settings)
+    made.start()
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def faults() -> Faults:
+    return Faults()
+
+
+@pytest.fixture
+def page(browser: Browser, server: Server, faults: Faults) -> Iterator[Page]:
+    """A page of a laptop's size; at the end of the test it must have been without fault."""
+    context = browser.new_context(
+        viewport={"width": LAPTOP[0], "height": LAPTOP[1]}, base_url=server.url, reduced_motion="reduce"
+    )
+    made = context.new_page()
+    made.set_default_timeout(20_000)
+    faults.watch(made, server.url)
+    yield made
+    context.close()
+    assert faults.found == []
