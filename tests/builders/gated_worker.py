@@ -1,6 +1,7 @@
 """A real Celery worker whose piles are a formula, and whose simulations end only once a gate file exists.
 
-`celery --app tests.builders.gated_worker worker`: everything but the simulation is what production runs.
+`celery --app tests.builders.gated_worker worker`: everything but the simulation is what production runs. Not to
+be imported by a test: it replaces the evaluator of its process for good.
 """
 
 from __future__ import annotations
@@ -11,11 +12,9 @@ from demcore.errors import Cancelled
 from service.domain.outcome import PileMeasurement
 from service.settings import Settings
 from service.studies.claim_job import Claim
-from tests.builders.work import Report, synthetic_pile
+from tests.builders.work import GATE, Report, synthetic_pile
 from worker import evaluate
 from worker.app import app
-
-GATE = "open"
 
 
 def wait_at_the_gate(claim: Claim, report: Report, settings: Settings) -> PileMeasurement:

@@ -18,6 +18,9 @@ from service.studies.claim_job import Claim
 from tests.builders.studies import a_measurement, synthetic_angle
 from worker import evaluate, installation, process, tasks
 
+# Simulations of gated_worker.py end once a file of this name lies in the data folder.
+GATE = "open"
+
 Report = Callable[[Mapping[str, Any]], bool]
 Evaluator = Callable[[Claim, Report, Settings], PileMeasurement]
 

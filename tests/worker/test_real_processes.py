@@ -21,9 +21,8 @@ from service.db.models import JobRow, ProcessRow
 from service.db.session import Database
 from service.domain.states import JobKind, JobState, StudyState
 from service.settings import Settings
-from tests.builders.gated_worker import GATE
 from tests.builders.studies import a_study, designs, open_jobs, study
-from tests.builders.work import InProcessWorker
+from tests.builders.work import GATE, InProcessWorker
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {"budget": 3, "initial_designs": 3, "parallel": 1}
