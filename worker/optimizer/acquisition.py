@@ -21,9 +21,9 @@ from service.domain.study import Objective
 from worker.optimizer.design import FloatArray
 
 WINDOW_PROBABILITY = 0.99
-# "Within the tolerance (90 %)" is what a certificate says, so it is asked for. E|f - t| <= tol alone would
-# let a mean .45 deg off pass at tol .5, and only 60 % of such designs are truly within .5 deg.
-TOLERANCE_PROBABILITY = 0.9
+# E|f - t| <= tol alone would let a mean .45 deg off pass at tol .5: of the sinter's certified designs only 60 %
+# were truly within .5 deg. A certificate is to hold in 85 % of studies, so that much is asked for.
+TOLERANCE_PROBABILITY = 0.85
 
 
 def _density(z: FloatArray) -> FloatArray:

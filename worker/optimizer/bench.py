@@ -111,13 +111,15 @@ def score(strategy: Strategy, case: str, seed: int, parallel: int) -> Played:
     spec = study(case, seed, BUDGET if own else RIVALS_BUDGET, parallel)
     designs, stop = play(strategy, spec, SyntheticRig())
     history = History(designs)
+    ends = {min(n, len(designs)) for n in (*CHECKPOINTS, len(designs))}
+    misses = {n: _miss(strategy, spec, designs[:n]) for n in ends}
     return Played(
         spec=spec,
         designs=designs,
         stop=stop,
         certified=stop.reason == "certified",
-        misses_deg={n: _miss(strategy, spec, designs[:n]) for n in CHECKPOINTS},
-        final_miss_deg=_miss(strategy, spec, designs),
+        misses_deg={n: misses[min(n, len(designs))] for n in CHECKPOINTS},
+        final_miss_deg=misses[len(designs)],
         covered=_angle_covered(spec, history) if own else None,
         parameters_covered=_parameters_covered(spec, history) if own else None,
     )

@@ -1,7 +1,8 @@
 """When a study ends, and what it recommends (calibration.md decisions 1, 4 and 5).
 
 A certificate holds for one design: at least `replicates` seeds, none failed, and with the inflated sd
-E|f - t| <= tolerance and P(window) >= .99. Every rule returns its numbers, which are stored.
+E|f - t| <= tolerance, P(|f - t| <= tolerance) >= .85 and P(window) >= .99. Every rule returns its numbers,
+which are stored.
 """
 
 from __future__ import annotations
