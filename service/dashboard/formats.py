@@ -52,6 +52,15 @@ def percent(share: float | None) -> str:
     return f"{value:.{digits}f}{THIN}%"
 
 
+def chance(probability: float | None) -> str:
+    """81 %; a model is never sure, so that a rounded 1 is told as > 99.9 %."""
+    if probability is not None and probability > 0.9995:
+        return f"> 99.9{THIN}%"
+    if probability is not None and probability < 0.0005:
+        return f"< 0.1{THIN}%"
+    return percent(probability)
+
+
 def length(metres: float | None) -> str:
     """35 mm, 1.20 m"""
     if metres is None:
@@ -132,6 +141,7 @@ FILTERS = {
     "plain_degrees": plain_degrees,
     "parameter": parameter,
     "percent": percent,
+    "chance": chance,
     "length_of": length,
     "quantity": quantity,
     "number": count,

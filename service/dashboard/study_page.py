@@ -218,7 +218,7 @@ def certificate_checks(found: Mapping[str, Any], spec: Mapping[str, Any]) -> lis
         Check(
             "Sure to be inside the window",
             window + formats.percent(WINDOW_PROBABILITY),
-            formats.percent(inside),
+            formats.chance(inside),
             inside is not None and inside >= WINDOW_PROBABILITY,
         ),
         Check(

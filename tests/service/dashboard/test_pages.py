@@ -34,7 +34,7 @@ STUDIES: dict[str, tuple[Course, tuple[str, ...]]] = {
     "empty": (a_study, ("no angle yet", "Not certified yet", "The first simulation is being chosen")),
     "searching": (
         piles.a_searching_study,
-        ("25.40°", "best so far", "discharge over the rim", "about 1", "repeat"),
+        ("25.40°", "Nearest to the target so far", "discharge over the rim", "about 1", "repeat"),
     ),
     "certified": (
         lambda database: piles.a_finished_study(database, certified=True),
