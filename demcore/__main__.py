@@ -54,7 +54,8 @@ def verify(arguments: argparse.Namespace) -> int:
 
 def pile(arguments: argparse.Namespace) -> int:
     """Run one pile test, show progress, write result.vtkhdf, summary.json and pile.png."""
-    from demcore.experiments.pile_test import ContactParameters, PileTest, Progress, run_pile_test
+    from demcore.experiments.pile_case import ContactParameters, PileTest
+    from demcore.experiments.pile_test import Progress, run_pile_test
     from demcore.picture import draw_pile
 
     given = (arguments.friction, arguments.wall_friction, arguments.restitution, arguments.rolling)

@@ -12,13 +12,8 @@ import pytest
 
 from demcore import checkpoint
 from demcore.errors import Cancelled, InputError, NoResult
-from demcore.experiments.pile_test import (
-    ContactParameters,
-    PileTest,
-    Progress,
-    material_table,
-    run_pile_test,
-)
+from demcore.experiments.pile_case import ContactParameters, PileTest, material_table
+from demcore.experiments.pile_test import Progress, run_pile_test
 from demcore.material import load_material
 from demcore.rig import Rig, load_rig
 from demcore.time_step import time_step
@@ -62,13 +57,15 @@ def test_a_killed_run_resumes_with_the_same_bits(result, tmp_path):
     path = tmp_path / "run.checkpoint"
     calls = 0
 
-    def stop_in_the_discharge(progress: Progress) -> bool:
+    def die_in_the_discharge(progress: Progress) -> bool:
         nonlocal calls
         calls += progress.phase == "discharge"
-        return calls < 4
+        if calls == 4:
+            raise KeyboardInterrupt  # nothing in the run may catch it: it stands for a kill
+        return True
 
-    with pytest.raises(Cancelled):
-        run_pile_test(small_test(), stop_in_the_discharge, checkpoint_path=path, checkpoint_seconds=0.0)
+    with pytest.raises(KeyboardInterrupt):
+        run_pile_test(small_test(), die_in_the_discharge, checkpoint_path=path, checkpoint_seconds=0.0)
     seen = []
     resumed = run_pile_test(
         small_test(), lambda p: seen.append(p) or True, checkpoint_path=path, checkpoint_seconds=1e9
@@ -76,7 +73,20 @@ def test_a_killed_run_resumes_with_the_same_bits(result, tmp_path):
     assert seen[0].phase == "discharge"
     assert resumed.positions.tobytes() == result.positions.tobytes()
     assert resumed.angle_deg == result.angle_deg
-    assert resumed.numbers["discharge_t90_s"] == result.numbers["discharge_t90_s"]
+    assert resumed.numbers == result.numbers
+    for run, name in ((result, "whole"), (resumed, "resumed")):
+        run.write(tmp_path / name)
+    assert (tmp_path / "resumed").read_bytes() == (tmp_path / "whole").read_bytes()
+
+
+def test_a_run_that_is_stopped_in_order_saves_itself_first(result, tmp_path):
+    path = tmp_path / "run.checkpoint"
+    with pytest.raises(Cancelled):
+        run_pile_test(small_test(), lambda p: p.time_s < 0.5, checkpoint_path=path)
+    seen = []
+    resumed = run_pile_test(small_test(), lambda p: seen.append(p.time_s) or True, checkpoint_path=path)
+    assert seen[0] > 0.5
+    assert resumed.positions.tobytes() == result.positions.tobytes()
 
 
 def test_a_checkpoint_of_another_test_is_not_taken_over(tmp_path):

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from demcore.experiments.pile_test import PileTest, Progress
+from demcore.experiments.pile_case import PileTest
+from demcore.experiments.pile_test import Progress
 from service.db.queries import Lease
 from service.domain.search_space import SearchSpace, Variable
 from service.domain.states import JobKind
