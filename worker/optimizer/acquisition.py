@@ -21,8 +21,8 @@ from service.domain.study import Objective
 from worker.optimizer.design import FloatArray
 
 WINDOW_PROBABILITY = 0.99
-# E|f - t| <= tol alone would let a mean .45 deg off pass at tol .5: of the sinter's certified designs only 60 %
-# were truly within .5 deg. A certificate is to hold in 85 % of studies, so that much is asked for.
+# E|f - t| <= tol alone would let a mean .45 deg off pass at tol .5: of the sinter's certified designs only
+# 60 % were truly within .5 deg. A certificate is to hold in 85 % of studies, so that much is asked for.
 TOLERANCE_PROBABILITY = 0.85
 
 
@@ -89,11 +89,11 @@ def certifiable_means(s: FloatArray, objective: Objective) -> tuple[FloatArray, 
 
 
 def seeds_for_certificate(sigma: float, objective: Objective) -> int:
-    """Seeds after which a design that lies in the middle of its window could be certified on their mean alone."""
+    """Seeds after which a design in the middle of its window could be certified on their mean alone."""
     lower, upper = objective.window_deg
-    from_window = 0.5 * (upper - lower) * _WINDOW_TABLE[0][-1]
-    from_tolerance = objective.tolerance_deg * _TOLERANCE_TABLE[0][-1]
-    return math.ceil((sigma / min(from_window, from_tolerance)) ** 2)
+    from_window = 0.5 * (upper - lower) * float(_WINDOW_TABLE[0][-1])
+    from_tolerance = objective.tolerance_deg * float(_TOLERANCE_TABLE[0][-1])
+    return math.ceil((sigma / float(min(from_window, from_tolerance))) ** 2)
 
 
 def certificate_chance(

@@ -74,7 +74,7 @@ class Outlook:
         return expected_improvement(belief.mean, belief.sd, target, incumbent) * self.usable(belief)
 
     def usable(self, belief: Belief) -> FloatArray:
-        """P(ok) to the power of the seeds that a certificate will take: a winner has to run with each of them."""
+        """P(ok) to the power of the seeds a certificate will take: a winner has to run with each of them."""
         seeds = seeds_for_certificate(self.surrogate.hyper.noise_sd_deg, self.spec.objective)
         return np.asarray(belief.ok ** max(self.spec.replicates, min(seeds, MOST_SEEDS)))
 

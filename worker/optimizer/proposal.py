@@ -123,7 +123,9 @@ def _by_model(spec: StudySpec, history: History, number: int, fitted: Outlook) -
     outlook = _with_fantasies(fitted, history, number)
     left = spec.budget - number + 1
     options = _options(outlook, history, number, left)
-    if not history.pending and (stop := _hopeless(fitted, options, left)) is not None:
+    # Judged on finished designs alone: a fantasy is no evidence.
+    evidence = _options(fitted, history, number, left) if history.pending else options
+    if (stop := _hopeless(fitted, evidence, left)) is not None:
         return stop
     replicate = _best_replicate(options)
     if replicate is not None:
@@ -175,7 +177,6 @@ def _effort(
 
 
 def _hopeless(fitted: Outlook, options: Options, left: int) -> Stop | None:
-    """Judged on finished designs alone: a fantasy is no evidence."""
     if (stop := target_unreachable(fitted, options.belief)) is not None:
         return stop
     chance = max(np.max(options.chance, initial=0.0), np.max(options.again_chance, initial=0.0))

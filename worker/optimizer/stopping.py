@@ -93,7 +93,7 @@ def recommended(outlook: Outlook) -> Recommendation:
         expected_miss_deg=float(miss[best]),
         window_probability=float(inside[best]),
         replicates_deg=group.angles_deg,
-        certified=holds[best],
+        certified=bool(holds[best]),
         half_width_90_deg=Z_90 * wide,
     )
 
