@@ -61,7 +61,10 @@ def next_number(session: Session, study_id: int) -> int:
 
 
 def _is_due(session: Session, study: StudyRow) -> bool:
-    basis = next_number(session, study.id) - int(study.spec["parallel"])
+    number = next_number(session, study.id)
+    # Beyond the budget there is only the stop to decide, and that sees every result.
+    is_spent = number > int(study.spec["budget"])
+    basis = number - (1 if is_spent else int(study.spec["parallel"]))
     waits = exists().where(
         DesignRow.study_id == study.id, DesignRow.number <= basis, DesignRow.state.in_(OPEN_DESIGNS)
     )
