@@ -4,9 +4,9 @@ Notation: n unit normal from body j to body i; s overlap; v relative velocity of
 (i minus j); arm distance of a centre to the contact plane. Force F acts on i at the contact.
 
 Why slabs: particles are sorted along one axis into slabs that are thicker than any contact is long, and a pair
-is owned by its particle of lower index. The pairs of a slab then write to that slab and the next one only, so
-all even slabs can run at once, then all odd ones. Every sum is made in the same order on any number of
-threads, and no force is computed twice.
+is owned by its particle of lower index. The pairs of a slab then write to that slab and the next one only, and
+they write to the next one in columns of their own. So all slabs can run at once, or one after another, and
+every sum is made in the same order. No force is computed twice.
 
 History of a contact, 10 numbers: elastic normal force, overlap (0: not in contact), age, sliding,
 tangential spring (3), rolling couple (3).
@@ -24,7 +24,7 @@ from demcore.contact.laws import normal_force, rolling_couple, tangential_force
 from demcore.contact.model import ContactModel, Pair, Vec3
 from demcore.geometry.walls import wall_distance, wall_velocity
 from demcore.jit import kernel, leaf
-from demcore.particles import Floats, Particles
+from demcore.particles import HANDED, Floats, Particles
 
 HISTORY_WIDTH = 10
 
@@ -150,7 +150,7 @@ def slab_forces(
     tables: Tables,
     dt: float,
 ) -> None:
-    """Add the forces of all contacts owned by particles first to last - 1."""
+    """Add the forces of all contacts owned by particles first to last - 1, which are a whole slab."""
     model = ContactModel(normal_law, tangential_law, rolling_law)
     state, force, kinds = particles.state, particles.force, particles.material
     history = neighbours.history
@@ -197,12 +197,13 @@ def slab_forces(
             tx += couple.x - arm_i * cx
             ty += couple.y - arm_i * cy
             tz += couple.z - arm_i * cz
-            force[j, 0] -= f.x
-            force[j, 1] -= f.y
-            force[j, 2] -= f.z
-            force[j, 3] -= couple.x + arm_j * cx
-            force[j, 4] -= couple.y + arm_j * cy
-            force[j, 5] -= couple.z + arm_j * cz
+            c = HANDED if j >= last else 0
+            force[j, c] -= f.x
+            force[j, c + 1] -= f.y
+            force[j, c + 2] -= f.z
+            force[j, c + 3] -= couple.x + arm_j * cx
+            force[j, c + 4] -= couple.y + arm_j * cy
+            force[j, c + 5] -= couple.z + arm_j * cz
         for k in range(neighbours.wall_start[i], neighbours.wall_start[i + 1]):
             w = neighbours.wall_index[k]
             d, n = wall_distance(walls.kind[w], walls.data, w, x, y, z)

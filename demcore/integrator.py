@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from demcore.forces import Neighbours, Tables, Walls, slab_forces
 from demcore.jit import kernel, parallel_kernel, prange
-from demcore.particles import Floats, Particles
+from demcore.particles import HANDED, Floats, Particles
 
 
 @kernel
@@ -29,13 +29,12 @@ def move(first: int, last: int, particles: Particles, gravity: Floats, dt: float
         by_inertia = dt / state[i, 11]
         squared = 0.0
         for c in range(3):
-            state[i, 4 + c] += force[i, c] * by_mass + gravity[c] * dt
-            state[i, 8 + c] += force[i, 3 + c] * by_inertia
+            state[i, 4 + c] += (force[i, c] + force[i, HANDED + c]) * by_mass + gravity[c] * dt
+            state[i, 8 + c] += (force[i, 3 + c] + force[i, HANDED + 3 + c]) * by_inertia
             state[i, c] += state[i, 4 + c] * dt
-            force[i, c] = 0.0
-            force[i, 3 + c] = 0.0
             away = state[i, c] - home[i, c]
             squared += away * away
+        force[i] = 0.0
         if not squared <= moved:
             stale = True
     return stale
@@ -55,7 +54,8 @@ def move_walls(walls: Walls, dt: float) -> float:
     return longest
 
 
-def _advance(
+@kernel
+def advance_serial(
     steps: int,
     particles: Particles,
     neighbours: Neighbours,
@@ -75,23 +75,47 @@ def _advance(
     the particles'. The three laws come one by one because a threaded loop takes no nested tuples.
     """
     slabs = neighbours.slab_start
-    count = len(slabs) - 1
-    stale = np.zeros(count, np.bool_)
     moved = 0.25 * skin * skin
     for step in range(steps):
-        for k in prange((count + 1) // 2):
-            a, b = slabs[2 * k], slabs[2 * k + 1]
+        stale = False
+        # One sweep while a slab is in the cache: once its own pairs are done nothing needs its old positions.
+        for k in range(len(slabs) - 1):
+            a, b = slabs[k], slabs[k + 1]
             slab_forces(a, b, particles, neighbours, walls, normal, tangential, rolling, tables, dt)
-        for k in prange(count // 2):
-            a, b = slabs[2 * k + 1], slabs[2 * k + 2]
-            slab_forces(a, b, particles, neighbours, walls, normal, tangential, rolling, tables, dt)
-        for k in prange(count):
-            stale[k] = move(slabs[k], slabs[k + 1], particles, gravity, dt, moved)
+            stale = move(a, b, particles, gravity, dt, moved) or stale
         wall_way[0] += move_walls(walls, dt)
-        if wall_way[0] > 0.5 * skin or np.any(stale):
+        if stale or wall_way[0] > 0.5 * skin:
             return step + 1, True
     return steps, False
 
 
-advance_serial: Any = kernel(_advance)
-advance_threaded: Any = parallel_kernel(_advance)
+@parallel_kernel
+def advance_threaded(
+    steps: int,
+    particles: Particles,
+    neighbours: Neighbours,
+    walls: Walls,
+    normal: Any,
+    tangential: Any,
+    rolling: Any,
+    tables: Tables,
+    gravity: Floats,
+    dt: float,
+    skin: float,
+    wall_way: NDArray[np.float64],
+) -> tuple[int, bool]:
+    """`advance_serial` with the slabs on all threads; the same bits."""
+    slabs = neighbours.slab_start
+    count = len(slabs) - 1
+    moved = 0.25 * skin * skin
+    gone = np.zeros(count, np.bool_)
+    for step in range(steps):
+        for k in prange(count):
+            a, b = slabs[k], slabs[k + 1]
+            slab_forces(a, b, particles, neighbours, walls, normal, tangential, rolling, tables, dt)
+        for k in prange(count):
+            gone[k] = move(slabs[k], slabs[k + 1], particles, gravity, dt, moved)
+        wall_way[0] += move_walls(walls, dt)
+        if np.any(gone) or wall_way[0] > 0.5 * skin:
+            return step + 1, True
+    return steps, False

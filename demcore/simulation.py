@@ -23,7 +23,7 @@ from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z
 
 GRAVITY = (0.0, 0.0, -9.81)
 # Share of the smallest radius: longer lists against rarer searches; flat optimum between .2 and .5.
-SKIN = 0.3
+SKIN = 0.5
 # The contact laws mean nothing beyond an overlap of this share of the smaller radius.
 LARGEST_OVERLAP = 0.5
 
