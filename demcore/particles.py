@@ -53,4 +53,6 @@ def spheres(
     state[:, M] = mass
     state[:, I] = 0.4 * mass * state[:, R] ** 2
     kinds = np.ones(count, np.int32) if material is None else np.asarray(material, np.int32)
-    return Particles(state, np.zeros((count, 2 * HANDED)), kinds, np.arange(count), state[:, X : Z + 1].copy())
+    return Particles(
+        state, np.zeros((count, 2 * HANDED)), kinds, np.arange(count), state[:, X : Z + 1].copy()
+    )

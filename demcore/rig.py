@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
@@ -34,6 +35,15 @@ class Rig:
     @property
     def cylinder_radius(self) -> float:
         return self.cylinder_diameter / 2.0
+
+
+# Fewer mean diameters than this along the base's radius, and the angle feels the particles (physics.md section 4).
+FEWEST_DIAMETERS = 12.0
+
+
+def coarsest_scale(rig: Rig, mean_diameter: float) -> float:
+    """The largest coarse-graining factor, to one decimal, that keeps FEWEST_DIAMETERS along the base's radius."""
+    return math.floor(10.0 * rig.base_radius / (FEWEST_DIAMETERS * mean_diameter)) / 10.0
 
 
 def _table() -> dict[str, dict[str, float]]:

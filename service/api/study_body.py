@@ -9,12 +9,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from demcore.errors import InputError
 from demcore.material import Material, load_material
-from demcore.rig import load_rig
+from demcore.rig import coarsest_scale, load_rig
 from service.domain.errors import InvalidValue
 from service.domain.search_space import PARAMETERS, SearchSpace, Variable, default_space
 from service.domain.study import Objective, StudySpec
-
-DEFAULT_SCALE = 2.0
 
 _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -67,9 +65,13 @@ class StudyBody(BaseModel):
     )
 
     material: Annotated[str, Field(description="the name of a shipped material", examples=["pellet"])]
-    scale: Annotated[float, Field(description="coarse-graining: particle diameters times this")] = (
-        DEFAULT_SCALE
-    )
+    scale: Annotated[
+        float | None,
+        Field(
+            description="coarse-graining: particle diameters times this; default: the coarsest that keeps 12 "
+            "mean diameters along the base's radius (coke 2.1, sinter 3.1, pellet 1.7)"
+        ),
+    ] = None
     objective: ObjectiveBody = ObjectiveBody()
     variables: Annotated[
         dict[str, VariableBody] | None,
@@ -90,10 +92,13 @@ class StudyBody(BaseModel):
     def to_spec(self) -> StudySpec:
         """The study asked for, with the material's defaults. Raises InvalidValue."""
         material = _material(self.material)
-        _check_scale(self.scale, material)
+        scale = coarsest_scale(load_rig(material.name), material.sizes.mean_diameter)
+        if self.scale is not None:
+            _check_scale(self.scale, material)
+            scale = self.scale
         return StudySpec(
             material=material.name,
-            scale=self.scale,
+            scale=scale,
             space=self._space(),
             objective=self._objective(material),
             budget=self.budget,

@@ -8,8 +8,9 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from demcore.rig import FEWEST_DIAMETERS
 from service.dashboard import charts, formats
-from service.dashboard.study_page import FEWEST_DIAMETERS, picture_of
+from service.dashboard.study_page import picture_of
 from service.db import dashboard_reads, read_models
 from service.db.dashboard_reads import OpenJob
 from service.db.models import ArtifactRow, DesignRow, RunRow, StudyRow

@@ -11,10 +11,11 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
+from demcore.rig import FEWEST_DIAMETERS
 from service.dashboard.design_page import read_design_page
 from service.dashboard.overview_page import OverviewPage, read_overview
 from service.dashboard.rendering import HEADERS, PageRoute, page, render
-from service.dashboard.study_page import FEWEST_DIAMETERS, StudyPage, count_verdicts, read_study_page
+from service.dashboard.study_page import StudyPage, count_verdicts, read_study_page
 from service.db import dashboard_reads
 from service.db.session import Database
 from service.errors import NotFound

@@ -17,9 +17,6 @@ from service.db.models import ArtifactRow, DesignRow, StudyRow
 from service.db.read_models import DesignView
 from service.domain.states import StudyState, Verdict, is_over
 
-# Fewer mean diameters than this along the base's radius, and the angle feels the size of the particles.
-FEWEST_DIAMETERS = 12.0
-
 # The certificate's demand on the window (worker/optimizer/acquisition.py, calibration.md decision 5).
 WINDOW_PROBABILITY = 0.99
 
