@@ -1,7 +1,7 @@
 # Everything sets itself up: a virtual environment in .venv from requirements.lock, once. When nothing has
 # changed since, no network is used and a target starts at once.
 #
-#   make demo [MATERIAL=pellet] [SCALE=1.7] [BUDGET=18] [SEED=1] calibrate a material, live in the terminal
+#   make demo [MATERIAL=pellet] [SCALE=1.7] [BUDGET=16] [SEED=1] calibrate a material, live in the terminal
 #   make serve                                                   start the service and stay
 #   make test | slow | lint                                      the tests, the long tests, the linters
 #   make lock                                                    bring requirements.lock up to date

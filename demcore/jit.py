@@ -9,7 +9,6 @@ modules. So the cache folder carries a hash of all demcore sources: an edit anyw
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -19,18 +18,11 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.extending import overload
 
-
-def sources_hash(folder: Path) -> str:
-    """Hash of every Python file below `folder`, names and contents, in order."""
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
-
+from demcore.source_hash import hash_sources
 
 _HERE = Path(__file__).parent
 _CACHE_BASE = Path(os.environ.get("NUMBA_CACHE_DIR") or _HERE / "__pycache__")
-cast(Any, numba.config).CACHE_DIR = str(_CACHE_BASE / f"numba-{sources_hash(_HERE)}")
+cast(Any, numba.config).CACHE_DIR = str(_CACHE_BASE / f"numba-{hash_sources(_HERE)[:16]}")
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -6,22 +6,11 @@ kept under a hash of their own, see demcore/jit.py.
 
 from __future__ import annotations
 
-import hashlib
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
-SOURCE_SUFFIXES = (".py", ".toml")
-
-
-def hash_sources(package: Path) -> str:
-    """sha256 over the relative path and content of every source file below `package`, in sorted order."""
-    total = hashlib.sha256()
-    for path in sorted(p for p in package.rglob("*") if p.suffix in SOURCE_SUFFIXES and p.is_file()):
-        for part in (path.relative_to(package).as_posix().encode(), path.read_bytes()):
-            total.update(len(part).to_bytes(8, "big"))
-            total.update(part)
-    return total.hexdigest()
+from demcore.source_hash import hash_sources
 
 
 def demcore_folder() -> Path:

@@ -7,9 +7,9 @@ whole turn it vanishes with dt.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
+from demcore.contact.cap import cap_share
 from demcore.contact.model import Normal, Pair, Tangential, Vec3
 from demcore.jit import leaf
 
@@ -41,12 +41,11 @@ def coulomb_spring(
     z = spring.z - along * n.z - step * velocity.z
     friction = pair.dynamic if sliding > 0.0 else pair.static
     limit = friction * max(normal.force, 0.0)
-    squared = x * x + y * y + z * z
-    if squared > limit * limit:
-        scale = limit / math.sqrt(squared)
-        x *= scale
-        y *= scale
-        z *= scale
+    share = cap_share(x, y, z, limit)
+    if share < 1.0:
+        x *= share
+        y *= share
+        z *= share
         speed = velocity.x * velocity.x + velocity.y * velocity.y + velocity.z * velocity.z
         slips = 1.0 if speed > law.creep_speed * law.creep_speed else 0.0
         return Tangential(Vec3(x, y, z), Vec3(x, y, z), slips, stiffness)
@@ -55,10 +54,5 @@ def coulomb_spring(
     fx = x - c * velocity.x
     fy = y - c * velocity.y
     fz = z - c * velocity.z
-    squared = fx * fx + fy * fy + fz * fz
-    if squared > limit * limit:
-        scale = limit / math.sqrt(squared)
-        fx *= scale
-        fy *= scale
-        fz *= scale
-    return Tangential(Vec3(fx, fy, fz), Vec3(x, y, z), 0.0, stiffness)
+    share = cap_share(fx, fy, fz, limit)
+    return Tangential(Vec3(fx * share, fy * share, fz * share), Vec3(x, y, z), 0.0, stiffness)

@@ -5,9 +5,9 @@ Source: physics.md section 1; Ai, Chen, Rotter and Ooi 2011, model C. K_r = R_r^
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
+from demcore.contact.cap import cap_share
 from demcore.contact.model import Normal, Pair, Vec3
 from demcore.jit import leaf
 
@@ -37,10 +37,5 @@ def type3_rolling(
     y = couple.y - along * n.y - step * (spin.y - twist * n.y)
     z = couple.z - along * n.z - step * (spin.z - twist * n.z)
     limit = pair.rolling * pair.radius * max(normal.force, 0.0)
-    squared = x * x + y * y + z * z
-    if squared > limit * limit:
-        scale = limit / math.sqrt(squared)
-        x *= scale
-        y *= scale
-        z *= scale
-    return Vec3(x, y, z)
+    share = cap_share(x, y, z, limit)
+    return Vec3(x * share, y * share, z * share)

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from service.code_version import demcore_hash, hash_sources
+from demcore.source_hash import hash_sources
+from service.code_version import demcore_hash
 
 DEMCORE = Path(__file__).resolve().parents[2] / "demcore"
 

@@ -189,7 +189,7 @@ def test_a_lone_surrogate_is_answered_too(client: TestClient) -> None:
 
 
 def test_every_wrong_field_is_named(client: TestClient) -> None:
-    response = client.post("/v1/studies", json=pellet(budget="x", colour="red", scale=None))
+    response = client.post("/v1/studies", json=pellet(budget="x", colour="red", scale="fine"))
     assert {error["field"] for error in response.json()["errors"]} == {"budget", "colour", "scale"}
 
 

@@ -5,7 +5,8 @@ The order of thought of `propose`:
     2. the Sobol initial design first, and further until three angles are there to fit;
     3. fill pending designs with a posterior sample each;
     4. stop if the target is unreachable or going on is futile;
-    5. replicate the winner if that is the shorter way to a certificate, else search by EI x P(ok).
+    5. replicate the winner if that is the shorter way to a certificate, or if the budget ends and it lacks
+       seeds; else search by EI x P(ok).
 
 Everything random is seeded by (spec.seed, number), so a proposal is a pure function of its arguments.
 """
@@ -125,7 +126,15 @@ def _by_model(spec: StudySpec, history: History, number: int, fitted: Outlook) -
     options = _options(outlook, history, number, left)
     # Judged on finished designs alone: a fantasy is no evidence.
     evidence = _options(fitted, history, number, left) if history.pending else options
-    if (stop := _hopeless(fitted, evidence, left)) is not None:
+    stop = _hopeless(fitted, evidence, left)
+    if stop is not None and stop.reason != "futile":
+        return stop
+    if stop is not None or left < spec.replicates:
+        # The study ends here or with its budget: nobody should be handed an optimum that ran only once.
+        winner = _unconfirmed(outlook, history, left)
+        if winner is not None:
+            return _confirm(outlook, history, number, winner)
+    if stop is not None:
         return stop
     replicate = _best_replicate(options)
     if replicate is not None:
@@ -191,6 +200,29 @@ def _best_replicate(options: Options) -> Group | None:
     if options.search and np.min(options.effort) < options.again[best]:
         return None
     return options.groups[best]
+
+
+def _unconfirmed(outlook: Outlook, history: History, left: int) -> Group | None:
+    """The best of the designs that `left` runs can give their seeds, if it lacks any (decision 4)."""
+    replicates = outlook.spec.replicates
+    waiting = [p.x for p in history.pending]
+    able = [g for g in outlook.evaluated() if not g.failures]
+    lacking = {g.x: replicates - len(g.angles_deg) - waiting.count(g.x) for g in able}
+    able = [g for g in able if lacking[g.x] <= left]
+    if not able:
+        return None
+    miss = outlook.miss(outlook.believe([g.x for g in able]))
+    winner = able[int(np.argmin(miss))]
+    return winner if lacking[winner.x] > 0 else None
+
+
+def _confirm(outlook: Outlook, history: History, number: int, group: Group) -> Proposal:
+    prediction = _prediction(outlook, outlook.believe([group.x]), 0)
+    reason = (
+        f"Another seed of design {group.numbers[0]}, the best so far: the last runs show how far its "
+        f"angle scatters."
+    )
+    return _proposal(outlook, history, number, group.x, "replicate", prediction, None, reason)
 
 
 def _replicate(outlook: Outlook, history: History, number: int, group: Group) -> Proposal:

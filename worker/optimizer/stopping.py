@@ -81,8 +81,14 @@ def recommended(outlook: Outlook) -> Recommendation:
         and near[i] >= TOLERANCE_PROBABILITY
         for i, g in enumerate(groups)
     ]
+    # Confirmed by its seeds before found by one lucky run, unless that costs half the tolerance.
+    slack = float(np.min(miss)) + 0.5 * outlook.spec.objective.tolerance_deg
+    single = [len(g.angles_deg) < outlook.spec.replicates or miss[i] > slack for i, g in enumerate(groups)]
     # A design that would more likely crash than run is no recommendation while another exists.
-    order = [(not holds[i], bool(belief.ok[i] < 0.5), float(miss[i]), i) for i in range(len(groups))]
+    order = [
+        (not holds[i], bool(belief.ok[i] < 0.5), bool(single[i]), float(miss[i]), i)
+        for i in range(len(groups))
+    ]
     best = min(order)[-1]
     group, wide = groups[best], float(belief.wide[best])
     return Recommendation(

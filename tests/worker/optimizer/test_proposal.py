@@ -54,6 +54,22 @@ def test_small_spaces_are_certified_and_truly_close(dimension: int, target: floa
     assert abs(rising(best.x, 0) - target) < 0.5 + 3.0 * best.sd_deg
 
 
+@pytest.mark.parametrize("parallel", [1, 2])
+@pytest.mark.parametrize("budget", [8, 13])
+def test_a_spent_budget_still_gives_the_winner_its_seeds(parallel: int, budget: int) -> None:
+    # Noise far above the tolerance: nothing can be certified, so the budget or futility ends the study.
+    spec = spec_of(space(2), 30.0, 0.5, parallel=parallel, budget=budget)
+    proposals, history, stop = play(spec, noisy(rising, 3.0))
+    assert stop.reason in ("budget", "futile")
+    assert len(history.finished) <= budget
+    best = recommend(spec, history)
+    assert best is not None
+    assert not best.certified
+    tried = [d.x for d in history.finished]
+    assert max(tried.count(x) for x in tried) >= spec.replicates
+    assert proposals[-1].origin == "replicate"
+
+
 @pytest.mark.parametrize("parallel", [1, 4])
 def test_designs_are_allowed_and_pairs_with_seeds_unique(parallel: int) -> None:
     spec = spec_of(space(2, 0.05), 30.0, 0.5, parallel=parallel)
