@@ -6,7 +6,7 @@ Materials are rows: row 0 is the walls', rows 1 and up are the grains'.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,10 +92,3 @@ class MaterialTable:
 def uniform_table(stiffness: Stiffness, interaction: Interaction, rows: int = 2) -> MaterialTable:
     """The same material and interaction for walls and all grains."""
     return MaterialTable((stiffness,) * rows, ((interaction,) * rows,) * rows)
-
-
-def with_walls(table: MaterialTable, row: int, interaction: Interaction) -> MaterialTable:
-    """The table with the contact of grains of `row` with walls (row 0) replaced."""
-    rows = [list(r) for r in table.interaction]
-    rows[0][row] = rows[row][0] = interaction
-    return replace(table, interaction=tuple(tuple(r) for r in rows))
