@@ -60,11 +60,17 @@ def next_number(session: Session, study_id: int) -> int:
     return (last or 0) + 1
 
 
-def _is_due(session: Session, study: StudyRow) -> bool:
-    number = next_number(session, study.id)
-    # Beyond the budget there is only the stop to decide, and that sees every result.
+def last_seen(study: StudyRow, number: int) -> int:
+    """The last design whose result the proposal of design `number` waits for and sees.
+
+    Beyond the budget there is only the stop to decide, and that sees every result.
+    """
     is_spent = number > int(study.spec["budget"])
-    basis = number - (1 if is_spent else int(study.spec["parallel"]))
+    return number - (1 if is_spent else int(study.spec["parallel"]))
+
+
+def _is_due(session: Session, study: StudyRow) -> bool:
+    basis = last_seen(study, next_number(session, study.id))
     waits = exists().where(
         DesignRow.study_id == study.id, DesignRow.number <= basis, DesignRow.state.in_(OPEN_DESIGNS)
     )

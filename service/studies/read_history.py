@@ -9,16 +9,16 @@ from service.db.models import DesignRow, StudyRow
 from service.domain.history import FinishedDesign, PendingDesign, StudyHistory
 from service.domain.spec_record import spec_from_record
 from service.domain.states import DesignState, is_over
-from service.studies.advance_study import next_number
+from service.studies.advance_study import last_seen, next_number
 
 
 def read_history(session: Session, study: StudyRow) -> StudyHistory:
-    """For design n: designs up to n - parallel as finished, the others as pending even if they are over.
+    """For design n: designs up to `last_seen` as finished, the others as pending even if they are over.
 
     Cancelled designs are ignored (calibration.md, decision 3).
     """
     number = next_number(session, study.id)
-    return _history(session, study, number, basis=number - int(study.spec["parallel"]))
+    return _history(session, study, number, basis=last_seen(study, number))
 
 
 def read_whole_history(session: Session, study: StudyRow) -> StudyHistory:

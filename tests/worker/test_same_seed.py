@@ -45,6 +45,17 @@ def undisturbed(worker: InProcessWorker) -> list[Any]:
     return outcome(worker.database, study_id)
 
 
+def test_the_stop_of_a_spent_budget_has_seen_every_result(worker: InProcessWorker) -> None:
+    narrow = Objective(36.5, (36.4, 36.6), tolerance_deg=0.05)
+    study_id = a_study(worker.database, **{**COKE, "objective": narrow, "budget": 6})
+    worker.work_off()
+    ended = study(worker.database, study_id)
+    assert ended.stop_reason == "budget"
+    assert ended.stop_numbers is not None
+    assert ended.recommendation is not None
+    assert ended.stop_numbers["mean_deg"] == ended.recommendation["mean_deg"]
+
+
 class Vanished(BaseException):
     """As SIGKILL: nothing of the task's own code runs any more."""
 
