@@ -98,8 +98,9 @@ def propose(
         return stop
     if number > spec.budget:
         return out_of_budget(fitted, spec)
-    few = history.succeeded < min(FEWEST_ANGLES, spec.initial_designs)
-    if number <= spec.initial_designs or few:
+    initial = initial_count(spec)
+    few = history.succeeded < min(FEWEST_ANGLES, initial)
+    if number <= initial or few:
         first = _initial(spec, history, number)
         if first is not None:
             return first
@@ -108,13 +109,18 @@ def propose(
     return _by_model(spec, history, number, fitted)
 
 
+def initial_count(spec: StudySpec) -> int:
+    """Initial designs that are run: a small budget keeps its last runs for the winner's seeds."""
+    return min(spec.initial_designs, max(FEWEST_ANGLES, spec.budget - spec.replicates + 1))
+
+
 def _initial(spec: StudySpec, history: History, number: int) -> Proposal | None:
     visited = history.visited()
     count = max(spec.initial_designs, number) + len(visited)
     fresh = [x for x in initial_design(spec.space, spec.seed, count) if x not in visited]
     if not fresh:
         return None
-    last = max(number, spec.initial_designs)
+    last = max(number, initial_count(spec))
     reason = f"Initial design {number} of {last}: spread over the box to learn its shape."
     seed = simulation_seed(spec.seed, number, history.seeds_used(fresh[0]))
     return Proposal(fresh[0], seed, "doe", None, None, reason, history.training_hash, None)

@@ -55,7 +55,7 @@ def test_small_spaces_are_certified_and_truly_close(dimension: int, target: floa
 
 
 @pytest.mark.parametrize("parallel", [1, 2])
-@pytest.mark.parametrize("budget", [8, 13])
+@pytest.mark.parametrize("budget", [6, 8, 13])
 def test_a_spent_budget_still_gives_the_winner_its_seeds(parallel: int, budget: int) -> None:
     # Noise far above the tolerance: nothing can be certified, so the budget or futility ends the study.
     spec = spec_of(space(2), 30.0, 0.5, parallel=parallel, budget=budget)
