@@ -11,9 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from demcore.forces import Neighbours, Tables, Walls, slab_forces
+from demcore.forces import Neighbours, slab_forces
+from demcore.geometry.walls import Walls
 from demcore.jit import kernel, parallel_kernel, prange
 from demcore.particles import HANDED, Floats, Particles
+from demcore.wall_forces import WallList, wall_forces
+from demcore.wrench import Tables
 
 
 @kernel
@@ -60,6 +63,7 @@ def advance_serial(
     particles: Particles,
     neighbours: Neighbours,
     walls: Walls,
+    near: WallList,
     normal: Any,
     tangential: Any,
     rolling: Any,
@@ -81,7 +85,8 @@ def advance_serial(
         # One sweep while a slab is in the cache: once its own pairs are done nothing needs its old positions.
         for k in range(len(slabs) - 1):
             a, b = slabs[k], slabs[k + 1]
-            slab_forces(a, b, particles, neighbours, walls, normal, tangential, rolling, tables, dt)
+            slab_forces(a, b, particles, neighbours, normal, tangential, rolling, tables, dt)
+            wall_forces(a, b, particles, walls, near, normal, tangential, rolling, tables, dt)
             stale = move(a, b, particles, gravity, dt, moved) or stale
         wall_way[0] += move_walls(walls, dt)
         if stale or wall_way[0] > 0.5 * skin:
@@ -95,6 +100,7 @@ def advance_threaded(
     particles: Particles,
     neighbours: Neighbours,
     walls: Walls,
+    near: WallList,
     normal: Any,
     tangential: Any,
     rolling: Any,
@@ -112,7 +118,8 @@ def advance_threaded(
     for step in range(steps):
         for k in prange(count):
             a, b = slabs[k], slabs[k + 1]
-            slab_forces(a, b, particles, neighbours, walls, normal, tangential, rolling, tables, dt)
+            slab_forces(a, b, particles, neighbours, normal, tangential, rolling, tables, dt)
+            wall_forces(a, b, particles, walls, near, normal, tangential, rolling, tables, dt)
         for k in prange(count):
             gone[k] = move(slabs[k], slabs[k + 1], particles, gravity, dt, moved)
         wall_way[0] += move_walls(walls, dt)

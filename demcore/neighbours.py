@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from demcore.forces import HISTORY_WIDTH, Neighbours, Walls
-from demcore.geometry.walls import wall_distance
+from demcore.forces import Neighbours
 from demcore.jit import kernel, leaf, parallel_kernel, prange
 from demcore.particles import Floats, Particles, R, X, Z
+from demcore.wrench import HISTORY_WIDTH
 
 Integers = NDArray[np.int64]
 
@@ -217,37 +217,6 @@ def fill_rows(
                 carry_pair(i, j, k, order, old, new.history)
 
 
-@kernel
-def list_walls(
-    state: Floats, walls: Walls, skin: float, order: Integers, old: Neighbours
-) -> tuple[Integers, NDArray[np.int32], Floats]:
-    """Walls within reach of each particle, with the histories of those that touched before."""
-    start = np.zeros(len(state) + 1, np.int64)
-    for i in range(len(state)):
-        start[i + 1] = start[i]
-        for w in range(len(walls.kind)):
-            if walls.kind[w] >= 0:
-                d, _ = wall_distance(walls.kind[w], walls.data, w, state[i, 0], state[i, 1], state[i, 2])
-                if d < state[i, 3] + skin:
-                    start[i + 1] += 1
-    index = np.empty(start[-1], np.int32)
-    history = np.zeros((start[-1], HISTORY_WIDTH))
-    k = 0
-    for i in range(len(state)):
-        for w in range(len(walls.kind)):
-            if walls.kind[w] < 0:
-                continue
-            d, _ = wall_distance(walls.kind[w], walls.data, w, state[i, 0], state[i, 1], state[i, 2])
-            if d >= state[i, 3] + skin:
-                continue
-            index[k] = w
-            for q in range(old.wall_start[order[i]], old.wall_start[order[i] + 1]):
-                if old.wall_index[q] == w:
-                    history[k] = old.wall_history[q]
-            k += 1
-    return start, index, history
-
-
 def forget_all(particles: Particles) -> Particles:
     """The same arrays with no particle in them."""
     p = particles
@@ -257,9 +226,6 @@ def forget_all(particles: Particles) -> Particles:
 def empty_neighbours(count: int) -> Neighbours:
     """A list without a pair, for `count` particles: what the first search carries history from."""
     return Neighbours(
-        np.zeros(count + 1, np.int64),
-        np.zeros(0, np.int32),
-        np.zeros((0, HISTORY_WIDTH)),
         np.zeros(count + 1, np.int64),
         np.zeros(0, np.int32),
         np.zeros((0, HISTORY_WIDTH)),
@@ -299,18 +265,18 @@ _SEARCH: dict[bool, tuple[Any, Any]] = {
 def search(
     particles: Particles,
     neighbours: Neighbours,
-    walls: Walls,
     skin: float,
     keep: NDArray[np.bool_] | None = None,
     threaded: bool = False,
-) -> tuple[Particles, Neighbours]:
-    """Sort the particles (those in `keep`), list all pairs and walls within reach + skin, carry histories.
+) -> tuple[Particles, Neighbours, Integers]:
+    """Sort the particles (those in `keep`), list all pairs within reach + skin, carry histories.
 
-    Same result, to the bit, with and without threads.
+    The third result (N,) is where each particle of the new order was before. Same result, to the bit, with and
+    without threads.
     """
     alive = np.arange(len(particles.number)) if keep is None else np.flatnonzero(keep)
     if len(alive) == 0:
-        return forget_all(particles), empty_neighbours(0)
+        return forget_all(particles), empty_neighbours(0), alive
     state = particles.state[alive]
     order, slabs = spatial_order(state[:, X : Z + 1], state[:, R], skin)
     order_of_old = alive[order]
@@ -334,15 +300,11 @@ def search(
             break
         room *= 2
     start = np.concatenate([[0], np.cumsum(count)])
-    wall_start, wall_index, wall_history = list_walls(state, walls, skin, order_of_old, neighbours)
     new = Neighbours(
         start,
         np.empty(int(start[-1]), np.int32),
         np.empty((int(start[-1]), HISTORY_WIDTH)),
-        wall_start,
-        wall_index,
-        wall_history,
         slabs,
     )
     fill_all(slabs, room, found, state, order_of_old, neighbours, new)
-    return fresh, new
+    return fresh, new, order_of_old

@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 from demcore.case import MaterialTable
 from demcore.contact.model import ContactModel
 from demcore.errors import BlowUp
-from demcore.forces import Neighbours, Tables, Walls
-from demcore.geometry.walls import WALL_WIDTH, Wall
+from demcore.forces import Neighbours
+from demcore.geometry.walls import WALL_WIDTH, Wall, Walls
 from demcore.integrator import advance_serial, advance_threaded
 from demcore.neighbours import empty_neighbours, search
 from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z
+from demcore.wall_forces import WallList
+from demcore.wall_search import empty_wall_list, list_walls
+from demcore.wrench import Tables
 
 GRAVITY = (0.0, 0.0, -9.81)
 # Share of the smallest radius: longer lists against rarer searches; flat optimum between .2 and .5.
@@ -46,6 +49,7 @@ class Simulation:
     step: int = 0
     searches: int = 0
     neighbours: Neighbours = field(default_factory=lambda: empty_neighbours(0))
+    near_walls: WallList = field(default_factory=empty_wall_list)
     wall_way: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
     stale: bool = True
     left: list[tuple[int, int]] = field(default_factory=list)
@@ -81,6 +85,7 @@ class Simulation:
                 self.particles,
                 self.neighbours,
                 self.walls,
+                self.near_walls,
                 *self.model,
                 self._tables,
                 self.gravity,
@@ -102,9 +107,10 @@ class Simulation:
             & (np.abs(state[:, X + 1]) <= self.reach)
         )
         self.left += [(int(number), self.step) for number in self.particles.number[~keep]]
-        self.particles, self.neighbours = search(
-            self.particles, self.neighbours, self.walls, self.skin, keep, self.threaded
+        self.particles, self.neighbours, order = search(
+            self.particles, self.neighbours, self.skin, keep, self.threaded
         )
+        self.near_walls = list_walls(self.particles.state, self.walls, self.skin, order, self.near_walls)
         self.wall_way[0] = 0.0
         self.searches += 1
         self.stale = False

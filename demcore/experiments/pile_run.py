@@ -19,12 +19,13 @@ from demcore import checkpoint
 from demcore.contact.laws import paper_model
 from demcore.errors import NeverSettles
 from demcore.experiments.pile_case import PileTest, material_table
-from demcore.forces import Neighbours, Walls
-from demcore.geometry.walls import Wall
+from demcore.forces import Neighbours
+from demcore.geometry.walls import Wall, Walls
 from demcore.insertion import fill_cylinder
 from demcore.material import coarse_grain
 from demcore.particles import VX, VZ, M, Particles, R, Z, spheres
 from demcore.simulation import Simulation, wall_arrays
+from demcore.wall_forces import WallList
 
 REST_SPEED = 0.005
 REST_TIME = 0.1
@@ -102,7 +103,12 @@ class PileRun:
             "wall_way": s.wall_way,
             "left": np.array(s.left, np.int64).reshape(-1, 2),
         }
-        for group, record in (("p", s.particles), ("n", s.neighbours), ("w", s.walls)):
+        for group, record in (
+            ("p", s.particles),
+            ("n", s.neighbours),
+            ("w", s.walls),
+            ("near", s.near_walls),
+        ):
             arrays |= {f"{group}_{name}": value for name, value in record._asdict().items()}
         checkpoint.save(path, numbers, arrays)
 
@@ -120,6 +126,7 @@ class PileRun:
         s.left = [(int(number), int(step)) for number, step in arrays["left"]]
         s.particles = Particles(*(arrays[f"p_{name}"] for name in Particles._fields))
         s.neighbours = Neighbours(*(arrays[f"n_{name}"] for name in Neighbours._fields))
+        s.near_walls = WallList(*(arrays[f"near_{name}"] for name in WallList._fields))
         s.walls = Walls(*(arrays[f"w_{name}"] for name in Walls._fields))
         return True
 

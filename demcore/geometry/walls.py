@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,13 @@ WALL_WIDTH = 18
 ZERO = (0.0, 0.0, 0.0)
 
 Triple = tuple[float, float, float]
+
+
+class Walls(NamedTuple):
+    """All walls of a simulation as the kernels read them: kind (W,), -1 for one that has vanished, and rows."""
+
+    kind: NDArray[np.int64]
+    data: NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -62,9 +62,8 @@ def test_a_settled_bed_rests_on_its_floor_with_its_weight():
     loads = []
     for _ in range(200):
         free.advance(20)
-        lists = free.neighbours
-        floor = lists.wall_index == 0
-        loads.append(lists.wall_history[floor, 0].sum())
+        near = free.near_walls
+        loads.append(near.history[near.wall == 0, 0].sum())
     assert np.mean(loads) == pytest.approx(weight, rel=0.005)
 
 
