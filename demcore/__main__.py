@@ -1,4 +1,4 @@
-"""python -m demcore verify | pile: the core on its own, without the service.
+"""python -m demcore verify | bench | pile: the core on its own, without the service.
 
 Bad input ends with one line and exit status 2; a failed verification or simulation with status 1.
 """
@@ -20,6 +20,8 @@ from demcore.material import load_material, material_names
 from demcore.rig import load_rig
 
 BAD_INPUT = 2
+# The shell's own status for a program that Ctrl-C ended: 128 + SIGINT.
+INTERRUPTED = 130
 
 # Table 5 of the paper: particle-particle and particle-wall friction, restitution, rolling resistance.
 TABLE_5 = {
@@ -111,6 +113,36 @@ def pile(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def bench(arguments: argparse.Namespace) -> int:
+    """Time the settled beds; a line per bed, law and thread count, or a JSON list of them."""
+    from demcore.bench.beds import CONTAINERS, LAWS
+    from demcore.bench.rates import most_threads
+    from demcore.bench.report import HEADER, Bench, Row, line, measure, size_ratio_lines
+
+    task = Bench(
+        arguments.bed or tuple(CONTAINERS),
+        arguments.law or LAWS,
+        arguments.threads or tuple(range(1, min(2, most_threads()) + 1)),
+        arguments.against == "liggghts",
+        arguments.beds,
+        arguments.repeats,
+        arguments.particle_steps,
+    )
+    if not arguments.json:
+        print(HEADER, flush=True)
+
+    def report(row: Row) -> None:
+        if not arguments.json:
+            print(line(row), flush=True)
+
+    rows = measure(task, report)
+    if arguments.json:
+        print(json.dumps([row.record() for row in rows], indent=1))
+    else:
+        print(*size_ratio_lines(rows), sep="\n")
+    return 0
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     top = argparse.ArgumentParser(prog="python -m demcore", description=__doc__)
@@ -118,6 +150,18 @@ def parser() -> argparse.ArgumentParser:
     check = commands.add_parser("verify", help="closed forms against the core")
     check.add_argument("--json", action="store_true", help="print a list of cases as JSON")
     check.set_defaults(run=verify)
+    speed = commands.add_parser("bench", help="particle-steps per second on settled beds")
+    speed.add_argument("--json", action="store_true", help="print a list of measurements as JSON")
+    speed.add_argument("--against", choices=["liggghts"], help="run that program on the same beds in turns")
+    speed.add_argument(
+        "--bed", action="append", help="cylinder, box, mono or ratio10; may be repeated (default: all)"
+    )
+    speed.add_argument("--beds", type=Path, metavar="FOLDER", help="read the beds' .npz files from FOLDER")
+    speed.add_argument("--law", action="append", help="hertz or paper; may be repeated (default: both)")
+    speed.add_argument("--threads", type=int, nargs="+", help="thread counts (default: 1 2)")
+    speed.add_argument("--repeats", type=int, default=3, help="turns; of each the fastest counts")
+    speed.add_argument("--particle-steps", type=int, default=4_000_000, help="work in one turn")
+    speed.set_defaults(run=bench)
     run = commands.add_parser("pile", help="one pile test")
     run.add_argument("material", choices=material_names())
     run.add_argument("--scale", type=float, default=2.0, help="coarse-graining factor (default 2)")
@@ -148,6 +192,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SimulationError as error:
         print(f"\nerror: {error.kind}: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("\nerror: interrupted", file=sys.stderr)
+        return INTERRUPTED
 
 
 if __name__ == "__main__":
