@@ -128,12 +128,13 @@ def bench(arguments: argparse.Namespace) -> int:
         arguments.repeats,
         arguments.particle_steps,
     )
-    if not arguments.json:
-        print(HEADER, flush=True)
+    headed = False
 
     def report(row: Row) -> None:
+        nonlocal headed
         if not arguments.json:
-            print(line(row), flush=True)
+            print(line(row) if headed else f"{HEADER}\n{line(row)}", flush=True)
+        headed = True
 
     rows = measure(task, report)
     if arguments.json:
