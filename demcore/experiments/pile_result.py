@@ -22,7 +22,7 @@ from demcore.observables.repose_angle import (
     scan_heights,
     surface_scan,
 )
-from demcore.output import write_spheres
+from demcore.output.spheres import write_spheres
 from demcore.particles import VX, VZ, Floats, M, R, X, Z
 
 
