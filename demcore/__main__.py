@@ -6,7 +6,6 @@ Bad input ends with one line and exit status 2; a failed verification or simulat
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import math
 import sys
@@ -32,23 +31,23 @@ TABLE_5 = {
 
 
 def verify(arguments: argparse.Namespace) -> int:
-    """Print every closed-form case; status 1 if one fails."""
-    from demcore.verification import CASES
+    """Print every case of physics.md section 3, with --slow also the long ones; status 1 if one fails."""
+    from demcore.verification.cases import CASES, SLOW_CASES
+    from demcore.verification.outcome import run_cases
 
     outcomes = []
-    for case in CASES:
-        for outcome in case():
-            outcomes.append(outcome)
-            if not arguments.json:
-                word = "ok  " if outcome.passed else "FAIL"
-                print(
-                    f"{word} {outcome.name:<48} expected {outcome.expected:<12.6g} got {outcome.got:<12.6g} "
-                    f"+- {outcome.tolerance:<8.2g} {outcome.source}",
-                    flush=True,
-                )
+    for outcome in run_cases(CASES + SLOW_CASES if arguments.slow else CASES):
+        outcomes.append(outcome)
+        if not arguments.json:
+            word = "ok  " if outcome.passed else "FAIL"
+            print(
+                f"{word} {outcome.name:<60} expected {outcome.expected:<12.6g} got {outcome.got:<12.6g} "
+                f"+- {outcome.tolerance:<8.2g} {outcome.source}",
+                flush=True,
+            )
     failed = sum(not o.passed for o in outcomes)
     if arguments.json:
-        print(json.dumps([dataclasses.asdict(o) | {"passed": o.passed} for o in outcomes], indent=1))
+        print(json.dumps([o.record() for o in outcomes], indent=1))
     else:
         print(f"{len(outcomes) - failed} passed, {failed} failed")
     return 1 if failed else 0
@@ -150,6 +149,7 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", required=True)
     check = commands.add_parser("verify", help="closed forms against the core")
     check.add_argument("--json", action="store_true", help="print a list of cases as JSON")
+    check.add_argument("--slow", action="store_true", help="also the cases that take minutes each")
     check.set_defaults(run=verify)
     speed = commands.add_parser("bench", help="particle-steps per second on settled beds")
     speed.add_argument("--json", action="store_true", help="print a list of measurements as JSON")

@@ -12,7 +12,7 @@ every sum is made in the same order. No force is computed twice.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,14 +41,11 @@ def slab_forces(
     last: int,
     particles: Particles,
     neighbours: Neighbours,
-    normal_law: Any,
-    tangential_law: Any,
-    rolling_law: Any,
+    model: ContactModel,
     tables: Tables,
     dt: float,
 ) -> None:
     """Add the forces of all pairs owned by particles first to last - 1, which are a whole slab."""
-    model = ContactModel(normal_law, tangential_law, rolling_law)
     state, force, kinds = particles.state, particles.force, particles.material
     history = neighbours.history
     for i in range(first, last):

@@ -6,7 +6,7 @@ A wall contact writes to its own particle only, so slabs need no order among the
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,14 +35,11 @@ def wall_forces(
     particles: Particles,
     walls: Walls,
     near: WallList,
-    normal_law: Any,
-    tangential_law: Any,
-    rolling_law: Any,
+    model: ContactModel,
     tables: Tables,
     dt: float,
 ) -> None:
     """Add the forces of all wall contacts of particles first to last - 1."""
-    model = ContactModel(normal_law, tangential_law, rolling_law)
     state, force, history = particles.state, particles.force, near.history
     for p in range(np.searchsorted(near.owner, first), np.searchsorted(near.owner, last)):
         i = near.owner[p]

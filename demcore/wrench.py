@@ -4,14 +4,14 @@ Notation: n unit normal from body j to body i; s overlap; v relative velocity of
 (i minus j). Force F acts on i at the contact.
 
 History of a contact, HISTORY_WIDTH numbers: elastic normal force, overlap (0: not in contact), age, sliding,
-tangential spring (3), rolling couple (3).
+tangential spring (3; a force or a displacement, as the law has it), rolling couple (3).
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from demcore.contact.laws import normal_force, rolling_couple, tangential_force
+from demcore.contact.laws import cohesion_force, normal_force, rolling_couple, tangential_force
 from demcore.contact.model import ContactModel, Pair, Vec3
 from demcore.jit import leaf
 from demcore.particles import Floats
@@ -96,7 +96,9 @@ def contact_wrench(
     history[k, 8] = couple.y
     history[k, 9] = couple.z
     ft = tangent.force
-    f = Vec3(normal.force * n.x + ft.x, normal.force * n.y + ft.y, normal.force * n.z + ft.z)
+    # Friction and rolling resistance know what presses; the attraction only takes from the sum.
+    fn = normal.force - cohesion_force(model.cohesion, pair, s)
+    f = Vec3(fn * n.x + ft.x, fn * n.y + ft.y, fn * n.z + ft.z)
     return f, ft, couple
 
 

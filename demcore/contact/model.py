@@ -1,7 +1,7 @@
 """A contact model is a composition of laws; each law is a NamedTuple of its numerics, one file each.
 
-The loop over contacts (forces.py) knows only the four records below and the three generic calls
-`normal_force`, `tangential_force` and `rolling_couple`.
+The loops over contacts and particles know only the records below and the five generic calls of laws.py:
+`normal_force`, `tangential_force`, `rolling_couple`, `cohesion_force` and `field_wrench`.
 """
 
 from __future__ import annotations
@@ -69,9 +69,33 @@ class Tangential(NamedTuple):
     stiffness: float
 
 
+class Body(NamedTuple):
+    """What a field law may know of one particle: position m, velocity m/s, spin rad/s, radius m, mass kg."""
+
+    position: Vec3
+    velocity: Vec3
+    spin: Vec3
+    radius: float
+    mass: float
+
+
+class FieldWrench(NamedTuple):
+    """Force, N, and torque about the centre, N m, of a field on one particle."""
+
+    force: Vec3
+    torque: Vec3
+
+
 class ContactModel(NamedTuple):
-    """The laws of a simulation. Each field is a NamedTuple whose type selects the implementation."""
+    """The laws of a simulation. Each field is a NamedTuple whose type selects the implementation.
+
+    Cohesion acts along the normal while two bodies touch, and no longer. It presses them together, so friction
+    and rolling resistance are limited by the force that presses (what the normal law gives), not by the rest
+    that is left after the attraction: two grains that cling without load still hold each other by friction.
+    """
 
     normal: Any
     tangential: Any
     rolling: Any
+    cohesion: Any
+    field: Any

@@ -1,0 +1,34 @@
+"""Every case of physics.md section 3: CASES take a minute together, SLOW_CASES minutes each."""
+
+from __future__ import annotations
+
+from demcore.verification import belts, chung_ooi, impact, many_particles, metamorphic, rolling
+from demcore.verification.liggghts_pile import liggghts_pile
+from demcore.verification.outcome import Case
+
+CASES: tuple[Case, ...] = (
+    impact.normal_impact,
+    impact.unlike_pair,
+    impact.hertz_clamped,
+    impact.bounce_heights,
+    impact.damping_spares_impacts,
+    rolling.gross_sliding,
+    rolling.sliding_to_rolling,
+    rolling.rolling_decay,
+    rolling.rolling_incline,
+    rolling.rolling_threshold,
+    chung_ooi.elastic_normal,
+    chung_ooi.damped_normal,
+    chung_ooi.oblique,
+    chung_ooi.sliding_normalised,
+    chung_ooi.spinning_sphere,
+    chung_ooi.opposite_spins,
+    chung_ooi.unlike_spheres,
+    belts.belt_drop,
+    belts.head_drum,
+    many_particles.free_collisions,
+    many_particles.settled_weight,
+    metamorphic.metamorphic,
+)
+
+SLOW_CASES: tuple[Case, ...] = (liggghts_pile,)
