@@ -1,0 +1,191 @@
+"""python -m demcore pile MATERIAL: one pile test, its numbers, its files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from demcore import checkpoint
+from demcore.commands.arguments import check_at_least, output_folder
+from demcore.commands.quantity import parse_quantity
+from demcore.errors import InputError
+from demcore.experiments.pile_case import ContactParameters, PileTest
+from demcore.material import Material, load_material, material_names
+from demcore.material_file import read_material
+from demcore.rig import load_rig, rig_names
+from demcore.time_step import PRESETS
+
+if TYPE_CHECKING:
+    from demcore.experiments.pile_result import PileResult
+
+# Table 5 of the paper: particle-particle and particle-wall friction, restitution, rolling resistance.
+TABLE_5 = {
+    "coke": (0.50, 0.80, 0.24, 0.48),
+    "sinter": (0.40, 0.40, 0.40, 0.24),
+    "pellet": (0.40, 0.40, 0.20, 0.20),
+}
+CHECKPOINT = "run.checkpoint"
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Its arguments."""
+    run = commands.add_parser("pile", help="one pile test")
+    run.add_argument("material", help=", ".join(material_names()) + ", or one of --material-file")
+    run.add_argument("--material-file", type=Path, metavar="FILE", help="materials as TOML, one table each")
+    run.add_argument("--rig", help="whose rig of Table 2 (default: the material's own)")
+    run.add_argument("--scale", type=float, default=2.0, help="coarse-graining factor (default 2)")
+    run.add_argument("--seed", type=int, default=1)
+    run.add_argument("--fill-level", type=float, default=1.0, help="share of the cylinder's height")
+    run.add_argument("--friction", type=float, help="between particles (default: the paper's Table 5)")
+    run.add_argument("--wall-friction", type=float)
+    run.add_argument("--restitution", type=float)
+    run.add_argument("--rolling", type=float)
+    run.add_argument("--time-step", default="fast", help="fast, paper, or a time with its unit, as 20us")
+    run.add_argument("--threads", type=int, default=1)
+    run.add_argument("--out", type=Path, default=Path("pile"), help="folder for the files")
+    run.add_argument("--resume", action="store_true", help="continue from the checkpoint in --out")
+    run.add_argument("--checkpoint-seconds", type=float, default=30.0, help="between two saves (default 30)")
+    run.set_defaults(run=pile)
+
+
+def pile(arguments: argparse.Namespace) -> int:
+    """Run one pile test, show progress, write its files. Everything is checked before a folder is made."""
+    test = pile_test(arguments)
+    check_threads(arguments.threads)
+    check_at_least("checkpoint_seconds", arguments.checkpoint_seconds, 0.0)
+    with output_folder(arguments.out) as folder:
+        path = folder / CHECKPOINT
+        if not arguments.resume:
+            checkpoint.discard(path)
+        elif checkpoint.load_newest(path) is None:
+            print(f"no checkpoint in {folder}: the run starts from its beginning", file=sys.stderr)
+        result = _run(test, arguments, path)
+        _write(result, folder)
+        checkpoint.discard(path)
+    _tell(result, folder)
+    return 0
+
+
+def pile_test(arguments: argparse.Namespace) -> PileTest:
+    """The test that the arguments ask for. Raises InputError."""
+    material = chosen_material(arguments)
+    rig = arguments.rig or arguments.material
+    if rig not in rig_names():
+        raise InputError("rig", rig, "one of " + ", ".join(rig_names()) + ", by --rig")
+    preset = arguments.time_step in PRESETS
+    test = PileTest(
+        material,
+        load_rig(rig),
+        contact_parameters(arguments),
+        scale=arguments.scale,
+        seed=arguments.seed,
+        fill_level=arguments.fill_level,
+        time_step=arguments.time_step if preset else "fast",
+    )
+    check_at_least("seed", test.seed, 0)
+    return test if preset else with_time_step(test, arguments.time_step)
+
+
+def chosen_material(arguments: argparse.Namespace) -> Material:
+    """From the given file, else the shipped one."""
+    if arguments.material_file is not None:
+        return read_material(arguments.material_file, arguments.material)
+    return load_material(arguments.material)
+
+
+def contact_parameters(arguments: argparse.Namespace) -> ContactParameters:
+    """What was given; for the rest the paper's optimum, which a material of one's own has none of."""
+    given = (arguments.friction, arguments.wall_friction, arguments.restitution, arguments.rolling)
+    names = ("friction", "wall_friction", "restitution", "rolling")
+    known = TABLE_5.get(arguments.material, (None,) * 4)
+    values: list[float] = []
+    for name, value, usual in zip(names, given, known, strict=True):
+        chosen = usual if value is None else value
+        if chosen is None:
+            raise InputError(name, None, "a value: only coke, sinter and pellet stand in the paper's Table 5")
+        values.append(chosen)
+    return ContactParameters(*values)
+
+
+def with_time_step(test: PileTest, text: str) -> PileTest:
+    """The test with a time step in seconds. Raises InputError above the largest one that is stable."""
+    if not any(character.isdigit() for character in text):
+        raise InputError("time_step", text, " or ".join(PRESETS) + ", or a time with its unit, as 20us")
+    seconds = parse_quantity("time_step", text, "time")
+    limit = test.dt
+    if seconds > limit:
+        raise InputError("time_step", text, f"at most {limit * 1e6:.3f}us, the limit of the loading time")
+    return replace(test, time_step_factor=seconds / limit)
+
+
+def check_threads(threads: int) -> None:
+    """Raises InputError for a number of threads that this process cannot run."""
+    from demcore.bench.rates import check_threads
+
+    check_threads(threads)
+
+
+def _run(test: PileTest, arguments: argparse.Namespace, path: Path) -> PileResult:
+    import numba
+
+    from demcore.commands.progress_bar import ProgressBar
+    from demcore.experiments.pile_test import Progress, run_pile_test
+
+    numba.set_num_threads(arguments.threads)
+    with ProgressBar() as bar, stop_signals() as stopped:
+
+        def show(progress: Progress) -> bool:
+            bar.show(progress)
+            return not stopped
+
+        return run_pile_test(test, show, arguments.threads, path, arguments.checkpoint_seconds)
+
+
+@contextmanager
+def stop_signals() -> Iterator[list[int]]:
+    """Ctrl-C or SIGTERM fill the list, so that the run saves itself and ends; a second Ctrl-C ends it at once."""
+    received: list[int] = []
+
+    def note(number: int, _frame: object) -> None:
+        if received:
+            raise KeyboardInterrupt
+        received.append(number)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield received
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _write(result: PileResult, folder: Path) -> None:
+    from demcore.experiments.pile_file import write_pile
+    from demcore.picture import draw_pile
+
+    write_pile(result, folder / "result.h5")
+    result.write(folder / "pile.vtkhdf")
+    draw_pile(result.positions, result.radii, result.test.rig.base_radius, folder / "pile.png")
+    text = json.dumps(result.summary(), indent=1) + "\n"
+    (folder / "summary.json").write_text(text, encoding="utf-8")
+
+
+def _tell(result: PileResult, folder: Path) -> None:
+    summary, test = result.summary(), result.test
+    rate = summary["particle_steps"] / max(summary["wall_s"], 1e-9)
+    print(
+        f"repose angle {result.angle_deg:.2f} +- {result.angle_sd_deg:.2f} deg (surface scan, standard error of "
+        f"{len(result.scan.sectors)} sectors); the paper's literal reading {result.literal_angle_deg:.2f} deg\n"
+        f"mass on the base {summary['mass_on_base_kg']:.2f} kg of {summary['mass_filled_kg']:.2f} kg, "
+        f"{summary['particles_on_base']} of {summary['particles_filled']} particles\n"
+        f"simulated {summary['simulated_s']:.2f} s in {summary['wall_s']:.1f} s, {rate:.2e} particle-steps/s, "
+        f"scale {test.scale:g}, {test.diameters_across_base:.1f} mean diameters across the base radius\n"
+        f"files in {folder}: result.h5, pile.vtkhdf, pile.png, summary.json"
+    )

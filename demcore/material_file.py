@@ -1,0 +1,103 @@
+"""Materials from a TOML file: one table a material, every number with its unit in its name.
+
+The file that ships with demcore, data/materials.toml, is the example. Importable without numba.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from demcore.errors import InputError
+from demcore.material import Material, SizeClass, SizeDistribution, WallRestitution
+
+NUMBERS = (
+    "bulk_density_kg_m3",
+    "packing_fraction",
+    "youngs_modulus_pa",
+    "poisson_ratio",
+    "long_term_damping",
+    "dynamic_friction_ratio",
+)
+LISTS = {"sizes": ("lower_mm", "upper_mm", "mass_share"), "wall_restitution": ("value", "mass_share")}
+# For a calibration; a simulation runs without.
+AIMS = ("target_deg", "window_deg", "constraints")
+LARGEST_FILE = 2**20
+
+
+def read_material(path: Path, name: str) -> Material:
+    """The material `name` of a file.
+
+    Raises InputError for a file that cannot be read, an unknown material, a key that is missing, unknown or lacks
+    its unit, a value that is no number, and whatever `Material` refuses.
+    """
+    table = _tables(path)
+    row = table.get(name)
+    if not isinstance(row, dict):
+        raise InputError("material", name, f"one of {', '.join(table) or 'none'} in {path.name}")
+    _check_keys(name, row, (*NUMBERS, *LISTS), AIMS)
+    numbers = {key: _number(f"{name}.{key}", row[key]) for key in NUMBERS}
+    lists = {key: _rows(f"{name}.{key}", row[key], columns) for key, columns in LISTS.items()}
+    window = row.get("window_deg", [0.0, 90.0])
+    if not isinstance(window, list) or len(window) != 2:
+        raise InputError(f"{name}.window_deg", window, "two angles in degrees")
+    return Material(
+        name=name,
+        bulk_density=numbers["bulk_density_kg_m3"],
+        packing_fraction=numbers["packing_fraction"],
+        youngs_modulus=numbers["youngs_modulus_pa"],
+        poisson_ratio=numbers["poisson_ratio"],
+        long_term_damping=numbers["long_term_damping"],
+        dynamic_friction_ratio=numbers["dynamic_friction_ratio"],
+        wall_restitution=tuple(
+            WallRestitution(value, mass_share) for value, mass_share in lists["wall_restitution"]
+        ),
+        sizes=SizeDistribution(
+            tuple(SizeClass(lower / 1e3, upper / 1e3, share) for lower, upper, share in lists["sizes"])
+        ),
+        target_deg=_number(f"{name}.target_deg", row.get("target_deg", 45.0)),
+        window_deg=(_number(f"{name}.window_deg", window[0]), _number(f"{name}.window_deg", window[1])),
+        constraints=tuple(str(text) for text in row.get("constraints", ())),
+    )
+
+
+def _tables(path: Path) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise InputError("material_file", str(path), f"a file of at most {LARGEST_FILE} bytes")
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError("material_file", str(path), f"a file that can be read ({error.strerror})") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError("material_file", str(path), f"a TOML file ({error})") from None
+
+
+def _check_keys(field: str, row: dict[str, Any], needed: tuple[str, ...], optional: tuple[str, ...]) -> None:
+    known = (*needed, *optional)
+    for key, value in row.items():
+        if key in known:
+            continue
+        with_unit = [k for k in known if k.startswith(f"{key}_")]
+        if with_unit:
+            raise InputError(f"{field}.{key}", value, f"{with_unit[0]}: a number says its unit in its name")
+        raise InputError(f"{field}.{key}", value, "a known key: " + ", ".join(known))
+    for key in needed:
+        if key not in row:
+            raise InputError(f"{field}.{key}", None, "a value: it is missing")
+
+
+def _number(field: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(field, value, "a number")
+    return float(value)
+
+
+def _rows(field: str, value: Any, columns: tuple[str, ...]) -> list[tuple[float, ...]]:
+    if not isinstance(value, list) or not all(isinstance(row, dict) for row in value):
+        raise InputError(field, value, "a list of tables with " + ", ".join(columns))
+    rows = []
+    for k, row in enumerate(value):
+        _check_keys(f"{field}[{k}]", row, columns, ())
+        rows.append(tuple(_number(f"{field}[{k}].{name}", row[name]) for name in columns))
+    return rows
