@@ -16,6 +16,7 @@ from demcore import checkpoint
 from demcore.commands.arguments import check_at_least, output_folder
 from demcore.commands.quantity import parse_quantity
 from demcore.errors import InputError
+from demcore.experiments.paper_tables import TABLE_5
 from demcore.experiments.pile_case import ContactParameters, PileTest
 from demcore.material import Material, load_material, material_names
 from demcore.material_file import read_material
@@ -25,12 +26,6 @@ from demcore.time_step import PRESETS
 if TYPE_CHECKING:
     from demcore.experiments.pile_result import PileResult
 
-# Table 5 of the paper: particle-particle and particle-wall friction, restitution, rolling resistance.
-TABLE_5 = {
-    "coke": (0.50, 0.80, 0.24, 0.48),
-    "sinter": (0.40, 0.40, 0.40, 0.24),
-    "pellet": (0.40, 0.40, 0.20, 0.20),
-}
 CHECKPOINT = "run.checkpoint"
 
 
