@@ -107,11 +107,10 @@ def _run_all(trials: Sequence[Trial], folder: Path, processes: int) -> Iterator[
                     yield future.result()
                 except BrokenProcessPool:
                     yield Outcome(running[future], None, "its process was killed")
-        except BaseException:
-            # Also when the caller stops listening: nothing is left running behind its back.
+        finally:
+            # After Ctrl-C, or when the caller stops listening: nothing is left running behind its back.
             stop.set()
             pool.shutdown(wait=True, cancel_futures=True)
-            raise
 
 
 _stop: Event | None = None
