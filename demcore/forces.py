@@ -20,7 +20,15 @@ from numpy.typing import NDArray
 from demcore.contact.model import ContactModel, Vec3
 from demcore.jit import kernel
 from demcore.particles import HANDED, Floats, Particles
-from demcore.wrench import Tables, contact_wrench, forget, touching_pair
+from demcore.wrench import (
+    Tables,
+    contact_wrench,
+    forget,
+    recall,
+    remember,
+    series_stiffness,
+    touching_pair,
+)
 
 
 class Neighbours(NamedTuple):
@@ -78,9 +86,12 @@ def slab_forces(
                 vy - state[j, 5] - (uz * n.x - ux * n.z),
                 vz - state[j, 6] - (ux * n.y - uy * n.x),
             )
-            pair = touching_pair(tables, a, b, 2.0 * r, 2.0 * rj, m * mj / (m + mj), r * rj / reach)
+            stiffness = series_stiffness(tables.youngs[a], tables.youngs[b], 2.0 * r, 2.0 * rj)
+            pair = touching_pair(tables, a, b, stiffness, m * mj / (m + mj), r * rj / reach)
             spin = Vec3(wx - state[j, 8], wy - state[j, 9], wz - state[j, 10])
-            f, ft, couple = contact_wrench(model, pair, s, n, v, spin, history, k, dt)
+            wrench = contact_wrench(model, pair, s, n, v, spin, recall(history, k), dt)
+            remember(history, k, wrench.history)
+            f, ft, couple = wrench.force, wrench.tangential, wrench.couple
             # Torque of F_t about each centre: -arm n x F_t on both sides.
             cx = n.y * ft.z - n.z * ft.y
             cy = n.z * ft.x - n.x * ft.z

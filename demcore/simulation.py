@@ -22,7 +22,7 @@ from demcore.neighbours import empty_neighbours, search
 from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z
 from demcore.wall_forces import WallList
 from demcore.wall_search import empty_wall_list, list_walls
-from demcore.wrench import Tables
+from demcore.wrench import material_tables
 
 GRAVITY = (0.0, 0.0, -9.81)
 # Share of the smallest radius: longer lists against rarer searches; flat optimum between .2 and .5.
@@ -55,7 +55,7 @@ class Simulation:
     left: list[tuple[int, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._tables = Tables(*self.table.arrays())
+        self._tables = material_tables(*self.table.arrays())
         if not self.skin:
             self.skin = SKIN * float(self.particles.state[:, R].min())
         if len(self.neighbours.start) != len(self.particles.number) + 1:

@@ -15,7 +15,16 @@ from demcore.contact.model import ContactModel, Vec3
 from demcore.geometry.walls import Walls, wall_distance, wall_velocity
 from demcore.jit import kernel
 from demcore.particles import Floats, Particles
-from demcore.wrench import Tables, contact_wrench, forget, touching_pair
+from demcore.wrench import (
+    OVERLAP,
+    Tables,
+    contact_wrench,
+    forget,
+    recall,
+    remember,
+    series_stiffness,
+    touching_pair,
+)
 
 
 class WallList(NamedTuple):
@@ -51,7 +60,7 @@ def wall_forces(
             w = near.wall[k]
             d, n = wall_distance(walls.kind[w], walls.data, w, x, y, z)
             if d >= r:
-                if history[k, 1] != 0.0:
+                if history[k, OVERLAP] != 0.0:
                     forget(history, k)
                 continue
             surface = wall_velocity(walls.data, w, x - d * n.x, y - d * n.y, z - d * n.z)
@@ -61,9 +70,12 @@ def wall_forces(
                 vz - surface.z - d * (wx * n.y - wy * n.x),
             )
             b = int(walls.data[w, 17])
-            pair = touching_pair(tables, a, b, 2.0 * r, 2.0 * r, m, r)
+            stiffness = series_stiffness(tables.youngs[a], tables.youngs[b], 2.0 * r, 2.0 * r)
+            pair = touching_pair(tables, a, b, stiffness, m, r)
             spin = Vec3(wx - walls.data[w, 11], wy - walls.data[w, 12], wz - walls.data[w, 13])
-            f, ft, couple = contact_wrench(model, pair, r - d, n, v, spin, history, k, dt)
+            wrench = contact_wrench(model, pair, r - d, n, v, spin, recall(history, k), dt)
+            remember(history, k, wrench.history)
+            f, ft, couple = wrench.force, wrench.tangential, wrench.couple
             force[i, 0] += f.x
             force[i, 1] += f.y
             force[i, 2] += f.z

@@ -41,18 +41,16 @@ def coulomb_spring(
     z = spring.z - along * n.z - step * velocity.z
     friction = pair.dynamic if sliding > 0.0 else pair.static
     limit = friction * max(normal.force, 0.0)
-    share = cap_share(x, y, z, limit)
-    if share < 1.0:
-        x *= share
-        y *= share
-        z *= share
-        speed = velocity.x * velocity.x + velocity.y * velocity.y + velocity.z * velocity.z
-        slips = 1.0 if speed > law.creep_speed * law.creep_speed else 0.0
-        return Tangential(Vec3(x, y, z), Vec3(x, y, z), slips, stiffness)
-    # Sticking: the dashpot acts beside the spring, and both together still obey Coulomb.
-    c = normal.damping
+    capped = x * x + y * y + z * z > limit * limit
+    # Sticking: the dashpot acts beside the spring, and both together still obey Coulomb. One cap serves both
+    # cases, because roots are the dear part of a contact.
+    c = 0.0 if capped else normal.damping
     fx = x - c * velocity.x
     fy = y - c * velocity.y
     fz = z - c * velocity.z
     share = cap_share(fx, fy, fz, limit)
-    return Tangential(Vec3(fx * share, fy * share, fz * share), Vec3(x, y, z), 0.0, stiffness)
+    force = Vec3(fx * share, fy * share, fz * share)
+    speed = velocity.x * velocity.x + velocity.y * velocity.y + velocity.z * velocity.z
+    slips = 1.0 if capped and speed > law.creep_speed * law.creep_speed else 0.0
+    spring = Vec3(force.x if capped else x, force.y if capped else y, force.z if capped else z)
+    return Tangential(force, spring, slips, stiffness)

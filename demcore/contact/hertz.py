@@ -3,7 +3,7 @@
 Source: Chung and Ooi 2011 benchmarks; damping ratio of LIGGGHTS' `gran model hertz`.
 
 R, E  effective radius (m) and modulus E* (Pa)       S_n = 2 E sqrt(R s)   tangent stiffness, N/m
-F = 4/3 E sqrt(R s) s - 2 sqrt(5/6) beta sqrt(S_n m) v_n,  beta = -ln e / sqrt(ln^2 e + pi^2)
+beta  damping ratio -ln e / sqrt(ln^2 e + pi^2)      F = 4/3 E sqrt(R s) s - 2 sqrt(5/6) beta sqrt(S_n m) v_n
 """
 
 from __future__ import annotations
@@ -38,11 +38,9 @@ def hertz_normal(
     root = math.sqrt(pair.radius * overlap)
     stiffness = 2.0 * pair.youngs * root
     elastic = stiffness * overlap * (2.0 / 3.0)
-    log_e = math.log(pair.restitution)
-    beta = -log_e / math.sqrt(log_e * log_e + math.pi * math.pi)
     shear = 8.0 * pair.shear * root
-    force = elastic - 2.0 * ROOT_FIVE_SIXTHS * beta * math.sqrt(stiffness * pair.mass) * speed
-    if law.clamp > 0.0:
-        force = max(force, 0.0)
-    damping = 2.0 * ROOT_FIVE_SIXTHS * beta * math.sqrt(shear * pair.mass)
+    viscous = 2.0 * ROOT_FIVE_SIXTHS * pair.damping_ratio
+    force = elastic - viscous * math.sqrt(stiffness * pair.mass) * speed
+    force = max(force, 0.0) if law.clamp > 0.0 else force
+    damping = viscous * math.sqrt(shear * pair.mass)
     return Normal(force, elastic, shear, damping, age + dt)

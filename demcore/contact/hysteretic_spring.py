@@ -28,14 +28,6 @@ class HystereticLinearSpring(NamedTuple):
 
 
 @leaf
-def loading_stiffness(pair: Pair) -> float:
-    """K_l = k_i k_j / (k_i + k_j) with k = E L, N/m."""
-    k_i = pair.youngs_i * pair.size_i
-    k_j = pair.youngs_j * pair.size_j
-    return k_i * k_j / (k_i + k_j)
-
-
-@leaf
 def hysteretic_normal(
     law: HystereticLinearSpring,
     pair: Pair,
@@ -47,21 +39,20 @@ def hysteretic_normal(
     dt: float,
 ) -> Normal:
     """Normal force; `speed` is the separation speed v_n, m/s (positive: opening)."""
-    k_l = loading_stiffness(pair)
-    k_u = k_l / (pair.restitution * pair.restitution)
+    k_l = pair.stiffness
+    k_u = k_l * pair.unloading
     change = overlap - overlap_before
     moved = elastic_before + k_u * change
     floor = law.residual * k_l * overlap
     elastic = min(k_l * overlap, moved) if change >= 0.0 else max(moved, floor)
     age += dt
-    force = elastic
-    damping = 0.0
-    # age > n (pi/2) sqrt(m/K), squared: no root for young contacts.
+    # age > n (pi/2) sqrt(m/K), squared.
     limit = law.aged_after * HALF_PI
+    aged = age * age * k_l > limit * limit * pair.mass
     # On the floor of the unloading branch the bodies are parting: a slow impact (small e) is old by then, and
     # damping it would alter its restitution.
     parting = change < 0.0 and moved <= floor
-    if age * age * k_l > limit * limit * pair.mass and not parting:
-        damping = 2.0 * law.damping * math.sqrt(pair.mass * k_l)
-        force = max(elastic - damping * speed, 0.0)
+    damping = 2.0 * law.damping * math.sqrt(pair.mass * k_l) if aged and not parting else 0.0
+    # The elastic part is never negative, so without damping this is the elastic part itself.
+    force = max(elastic - damping * speed, 0.0)
     return Normal(force, elastic, k_l, damping, age)

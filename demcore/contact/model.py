@@ -18,28 +18,47 @@ class Vec3(NamedTuple):
 class Pair(NamedTuple):
     """What a law may know of the two touching bodies; at a wall body j is the wall.
 
-    size_i, size_j          particle size L (sphere: diameter), m; a wall takes the size of what touches it
-    mass                    effective mass m_i m_j / (m_i + m_j), kg; at a wall m_i
-    radius                  effective radius r_i r_j / (r_i + r_j), m; at a wall r_i
-    youngs_i, youngs_j      Young's moduli, Pa
-    youngs, shear           effective moduli E*, G* (Hertz-Mindlin), Pa
-    restitution             coefficient of restitution, (0, 1]
-    static, dynamic         friction coefficients
-    rolling                 rolling resistance coefficient
+    mass            effective mass m_i m_j / (m_i + m_j), kg; at a wall m_i
+    radius          effective radius r_i r_j / (r_i + r_j), m; at a wall r_i
+    stiffness       linear loading stiffness of both sides in series, K_l = k_i k_j / (k_i + k_j) with k = E L, N/m
+                    (L particle size, a sphere's diameter; a wall takes the size of what touches it)
+    youngs, shear   effective moduli E*, G*, Pa
+    restitution     coefficient of restitution e, (0, 1]
+    unloading       1 / e^2: unloading over loading stiffness
+    damping_ratio   beta = -ln e / sqrt(ln^2 e + pi^2)
+    static, dynamic friction coefficients
+    rolling         rolling resistance coefficient
+
+    Logarithms and divisions that depend on materials only are done once, not in the loop over contacts.
     """
 
-    size_i: float
-    size_j: float
     mass: float
     radius: float
-    youngs_i: float
-    youngs_j: float
+    stiffness: float
     youngs: float
     shear: float
     restitution: float
+    unloading: float
+    damping_ratio: float
     static: float
     dynamic: float
     rolling: float
+
+
+class History(NamedTuple):
+    """What a contact remembers from step to step; all zero when it opens.
+
+    elastic (N) and overlap (m; 0: not in contact) of the normal law; age in contact, s; sliding 1.0 or 0.0;
+    tangential spring (N, or a displacement in m, as the law has it) and rolling couple, N m: both as they act on
+    body i.
+    """
+
+    elastic: float
+    overlap: float
+    age: float
+    sliding: float
+    spring: Vec3
+    couple: Vec3
 
 
 class Normal(NamedTuple):
