@@ -1,7 +1,6 @@
 """Time integration: semi-implicit Euler (velocities live half a step behind), serial or threaded, same bits.
 
 v += (F/m + g) dt;  x += v dt;  w += T/I dt; F and T hold contacts and the field law (drag of air).
-`moved` is (skin/2)^2, m2: beyond it the neighbour list is stale.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from demcore.contact.model import Body, ContactModel, Vec3
 from demcore.forces import Neighbours, slab_forces
 from demcore.geometry.walls import Walls
 from demcore.jit import kernel, leaf, parallel_kernel, prange
-from demcore.particles import HANDED, Floats, Particles
+from demcore.particles import Floats, Particles
 from demcore.wall_forces import WallList, wall_forces
 from demcore.wrench import Tables
 
@@ -35,31 +34,26 @@ def body(state: Floats, i: int) -> Body:
 
 
 @kernel
-def move(
-    first: int, last: int, particles: Particles, field: Any, gravity: Floats, dt: float, moved: float
-) -> bool:
-    """Move particles first to last - 1 by one step; True when one of them left its neighbours' knowledge.
-
-    A position that is not finite also says True, so that the search, which checks, is reached at once.
-    """
-    state, force, home = particles.state, particles.force, particles.home
-    stale = False
+def move(first: int, last: int, particles: Particles, field: Any, gravity: Floats, dt: float) -> float:
+    """Move particles first to last - 1 by one step; the longest way one of them went, m (NaN: not finite)."""
+    state, force = particles.state, particles.force
+    fastest = 0.0
+    finite = True
     for i in range(first, last):
         by_mass = dt / state[i, 7]
         by_inertia = dt / state[i, 11]
         squared = 0.0
         push = field_wrench(field, body(state, i))
         for c in range(3):
-            f, t = push.force[c], push.torque[c]
-            state[i, 4 + c] += (force[i, c] + force[i, HANDED + c] + f) * by_mass + gravity[c] * dt
-            state[i, 8 + c] += (force[i, 3 + c] + force[i, HANDED + 3 + c] + t) * by_inertia
+            state[i, 4 + c] += (force[i, c] + push.force[c]) * by_mass + gravity[c] * dt
+            state[i, 8 + c] += (force[i, 3 + c] + push.torque[c]) * by_inertia
             state[i, c] += state[i, 4 + c] * dt
-            away = state[i, c] - home[i, c]
-            squared += away * away
-        force[i] = 0.0
-        if not squared <= moved:
-            stale = True
-    return stale
+            squared += state[i, 4 + c] * state[i, 4 + c]
+            force[i, c] = 0.0
+            force[i, 3 + c] = 0.0
+        fastest = max(fastest, squared)
+        finite = finite and squared == squared  # noqa: PLR0124 (only NaN differs from itself)
+    return math.sqrt(fastest) * dt if finite else np.nan
 
 
 @kernel
@@ -77,10 +71,66 @@ def move_walls(walls: Walls, dt: float) -> float:
 
 
 @kernel
+def forces_of_slab(
+    slab: int,
+    particles: Particles,
+    lists: Neighbours,
+    walls: Walls,
+    near: WallList,
+    model: ContactModel,
+    tables: Tables,
+    dt: float,
+) -> None:
+    """Pairs, then walls, of one slab."""
+    slab_forces(slab, particles, lists, model, tables, dt)
+    first, last = lists.slab_start[slab], lists.slab_start[slab + 1]
+    wall_forces(first, last, particles, walls, near, model, tables, dt)
+
+
+@kernel
+def finish_slabs(
+    turn: int,
+    particles: Particles,
+    lists: Neighbours,
+    walls: Walls,
+    near: WallList,
+    model: ContactModel,
+    tables: Tables,
+    gravity: Floats,
+    dt: float,
+) -> None:
+    """Forces of the odd slab 2 turn - 1, then move it and the even slab after it.
+
+    By then all even slabs have their own forces, so both have all of theirs and nobody needs their old positions.
+    """
+    odd, even = 2 * turn - 1, 2 * turn
+    slabs = lists.slab_start
+    if odd >= 0:
+        forces_of_slab(odd, particles, lists, walls, near, model, tables, dt)
+        lists.stride[odd] = move(slabs[odd], slabs[odd + 1], particles, model.field, gravity, dt)
+    if even < len(slabs) - 1:
+        lists.stride[even] = move(slabs[even], slabs[even + 1], particles, model.field, gravity, dt)
+
+
+@kernel
+def is_stale(lists: Neighbours, skin: float) -> bool:
+    """Count the ways of the last step; True when a particle may have left its neighbours' knowledge, or is lost
+    (a position that is not finite), so that the search, which checks, comes next."""
+    stale = False
+    last = len(lists.stride) - 1
+    for k in range(last + 1):
+        lists.travel[k] += lists.stride[k]
+        lists.way[k] += max(lists.stride[k], lists.stride[min(k + 1, last)])
+        if not lists.travel[k] <= 0.5 * skin:
+            stale = True
+    return stale
+
+
+@kernel
 def advance_serial(
     steps: int,
     particles: Particles,
-    neighbours: Neighbours,
+    lists: Neighbours,
     walls: Walls,
     near: WallList,
     normal: Any,
@@ -100,18 +150,20 @@ def advance_serial(
     the particles'. The laws come one by one because a threaded loop takes no nested tuples.
     """
     model = ContactModel(normal, tangential, rolling, cohesion, field)
-    slabs = neighbours.slab_start
-    moved = 0.25 * skin * skin
+    count = len(lists.slab_start) - 1
     for step in range(steps):
-        stale = False
-        # One sweep while a slab is in the cache: once its own pairs are done nothing needs its old positions.
-        for k in range(len(slabs) - 1):
-            a, b = slabs[k], slabs[k + 1]
-            slab_forces(a, b, particles, neighbours, model, tables, dt)
-            wall_forces(a, b, particles, walls, near, model, tables, dt)
-            stale = move(a, b, particles, field, gravity, dt, moved) or stale
+        # One sweep while the slabs are in the cache, in the order of sums of the threaded loop.
+        for turn in range(count // 2 + 1):
+            if 2 * turn < count:
+                forces_of_slab(
+                    2 * turn, particles, lists, walls, near, model, tables, dt
+                )
+            if 2 * turn - 1 < count:
+                finish_slabs(
+                    turn, particles, lists, walls, near, model, tables, gravity, dt
+                )
         wall_way[0] += move_walls(walls, dt)
-        if stale or wall_way[0] > 0.5 * skin:
+        if is_stale(lists, skin) or wall_way[0] > 0.5 * skin:
             return step + 1, True
     return steps, False
 
@@ -120,7 +172,7 @@ def advance_serial(
 def advance_threaded(
     steps: int,
     particles: Particles,
-    neighbours: Neighbours,
+    lists: Neighbours,
     walls: Walls,
     near: WallList,
     normal: Any,
@@ -134,20 +186,18 @@ def advance_threaded(
     skin: float,
     wall_way: NDArray[np.float64],
 ) -> tuple[int, bool]:
-    """`advance_serial` with the slabs on all threads; the same bits."""
-    slabs = neighbours.slab_start
-    count = len(slabs) - 1
-    moved = 0.25 * skin * skin
-    gone = np.zeros(count, np.bool_)
+    """`advance_serial` with the slabs on all threads, which meet twice a step; the same bits."""
+    count = len(lists.slab_start) - 1
     for step in range(steps):
-        for k in prange(count):
+        for even in prange((count + 1) // 2):
             model = ContactModel(normal, tangential, rolling, cohesion, field)
-            a, b = slabs[k], slabs[k + 1]
-            slab_forces(a, b, particles, neighbours, model, tables, dt)
-            wall_forces(a, b, particles, walls, near, model, tables, dt)
-        for k in prange(count):
-            gone[k] = move(slabs[k], slabs[k + 1], particles, field, gravity, dt, moved)
+            forces_of_slab(
+                2 * even, particles, lists, walls, near, model, tables, dt
+            )
+        for turn in prange(count // 2 + 1):
+            model = ContactModel(normal, tangential, rolling, cohesion, field)
+            finish_slabs(turn, particles, lists, walls, near, model, tables, gravity, dt)
         wall_way[0] += move_walls(walls, dt)
-        if np.any(gone) or wall_way[0] > 0.5 * skin:
+        if is_stale(lists, skin) or wall_way[0] > 0.5 * skin:
             return step + 1, True
     return steps, False

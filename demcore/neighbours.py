@@ -6,15 +6,16 @@ particles are searched in small cells whatever the size ratio; owner of a pair i
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from demcore.forces import Neighbours
-from demcore.jit import kernel, leaf, parallel_kernel, prange
+from demcore.forces import FIXED_WIDTH, LANES, Neighbours, begin_contact
+from demcore.jit import kernel, parallel_kernel, prange
 from demcore.particles import Floats, Particles, R, X, Z
-from demcore.wrench import HISTORY_WIDTH
+from demcore.wrench import HISTORY_WIDTH, Tables
 
 Integers = NDArray[np.int64]
 
@@ -135,12 +136,13 @@ def build_grid(state: Floats, skin: float) -> Grid:
 @kernel
 def find_partners(
     first: int, last: int, state: Floats, grid: Grid, skin: float, found: NDArray[np.int32], count: Integers
-) -> int:
+) -> tuple[int, int]:
     """Partners j > i within reach of particles first to last - 1, one after another into `found`.
 
-    Returns how many there are; when that is more than `found` holds, the surplus was counted only.
+    Returns how many there are, and how many of them touch; when there are more than `found` holds, the surplus
+    was counted only.
     """
-    total = 0
+    total = touching = 0
     for i in range(first, last):
         before = total
         x, y, z, r = state[i, 0], state[i, 1], state[i, 2], state[i, 3]
@@ -164,73 +166,131 @@ def find_partners(
                         if j <= i:
                             continue
                         ax, ay, az = x - state[j, 0], y - state[j, 1], z - state[j, 2]
-                        limit = r + state[j, 3] + skin
-                        if ax * ax + ay * ay + az * az < limit * limit:
+                        squared = ax * ax + ay * ay + az * az
+                        limit = r + state[j, 3]
+                        if squared < (limit + skin) * (limit + skin):
                             if total < len(found):
                                 found[total] = j
                             total += 1
+                            touching += 1 if squared < limit * limit else 0
         count[i] = total - before
-    return total
+    return total, touching
 
 
-@leaf
-def carry_pair(i: int, j: int, k: int, order: Integers, old: Neighbours, history: Floats) -> None:
-    """Copy the history of pair (i, j) from the list before the search, if it had one.
+@kernel
+def index_contacts(lists: Neighbours) -> tuple[Integers, NDArray[np.int32]]:
+    """Slots of the contacts of each owner i: slot[start[i]:start[i + 1]]."""
+    start = np.zeros(lists.slab_start[-1] + 1, np.int64)
+    for k in range(len(lists.used)):
+        first = lists.block_start[k] * LANES
+        for s in range(first, first + lists.used[k]):
+            start[lists.owner[s] + 1] += 1
+    start = np.cumsum(start)
+    fill = start[:-1].copy()
+    slot = np.empty(start[-1], np.int32)
+    for k in range(len(lists.used)):
+        first = lists.block_start[k] * LANES
+        for s in range(first, first + lists.used[k]):
+            slot[fill[lists.owner[s]]] = s
+            fill[lists.owner[s]] += 1
+    return start, slot
+
+
+@kernel
+def carry_history(
+    new_slot: int, a: int, b: int, index: tuple[Integers, NDArray[np.int32]], old: Neighbours, history: Floats
+) -> None:
+    """Copy the history of the pair whose rows at the last search were a and b, if it touched then.
 
     The owner may have changed with the order: spring and couple are kept for the owner, so they turn sign.
     """
-    a, b = order[i], order[j]
+    start, slot = index
+    block = new_slot // LANES
+    to = (block * HISTORY_WIDTH) * LANES + new_slot - block * LANES
+    for c in range(HISTORY_WIDTH):
+        history[to + c * LANES] = 0.0
     low, high = min(a, b), max(a, b)
-    for q in range(old.start[low], old.start[low + 1]):
-        if old.partner[q] == high:
+    if high >= len(start) - 1:
+        return  # a particle that was not there at the last search
+    for q in range(start[low], start[low + 1]):
+        if old.partner[slot[q]] == high:
             sign = 1.0 if a < b else -1.0
-            for c in range(4):
-                history[k, c] = old.history[q, c]
-            for c in range(4, HISTORY_WIDTH):
-                history[k, c] = sign * old.history[q, c]
+            before = slot[q] // LANES
+            at = (before * HISTORY_WIDTH) * LANES + slot[q] - before * LANES
+            for c in range(HISTORY_WIDTH):
+                # The first four are scalars, the others vectors that act on the owner.
+                history[to + c * LANES] = old.history[at + c * LANES] * (1.0 if c < 4 else sign)
             return
 
 
 @kernel
-def fill_rows(
-    first: int,
-    last: int,
+def fill_slab(
+    k: int,
     found: NDArray[np.int32],
-    state: Floats,
+    count: Integers,
+    particles: Particles,
     order: Integers,
+    index: tuple[Integers, NDArray[np.int32]],
     old: Neighbours,
     new: Neighbours,
+    tables: Tables,
 ) -> None:
-    """Write the rows of particles first to last - 1 and carry their histories."""
-    q = 0
-    for i in range(first, last):
-        for k in range(new.start[i], new.start[i + 1]):
+    """Sort the pairs of slab k into contacts, with their histories, and near pairs."""
+    state = particles.state
+    slot, near, q = new.block_start[k] * LANES, new.near_start[k], 0
+    for i in range(new.slab_start[k], new.slab_start[k + 1]):
+        for _ in range(count[i]):
             j = found[q]
             q += 1
-            new.partner[k] = j
-            for c in range(HISTORY_WIDTH):
-                new.history[k, c] = 0.0
             dx, dy, dz = state[i, 0] - state[j, 0], state[i, 1] - state[j, 1], state[i, 2] - state[j, 2]
             reach = state[i, 3] + state[j, 3]
-            # Only a contact has a history. One that has just opened loses it here as it would in the loop.
-            if dx * dx + dy * dy + dz * dz < reach * reach:
-                carry_pair(i, j, k, order, old, new.history)
+            squared = dx * dx + dy * dy + dz * dz
+            if squared < reach * reach:
+                begin_contact(slot, i, j, particles, tables, new.owner, new.partner, new.fixed)
+                carry_history(slot, order[i], order[j], index, old, new.history)
+                slot += 1
+            else:
+                new.near_owner[near], new.near_partner[near] = i, j
+                new.wake[near] = 0.5 * (math.sqrt(squared) - reach)
+                near += 1
+    new.used[k] = slot - new.block_start[k] * LANES
 
 
 def forget_all(particles: Particles) -> Particles:
     """The same arrays with no particle in them."""
     p = particles
-    return Particles(p.state[:0], p.force[:0], p.material[:0], p.number[:0], p.home[:0])
+    return Particles(p.state[:0], p.force[:0], p.material[:0], p.number[:0])
+
+
+def room_for(slabs: Integers, pairs: Integers, touching: Integers) -> Neighbours:
+    """A list with room for the pairs of each slab; all of them could become contacts before the next search."""
+    blocks = -(-pairs // LANES)
+    block_start = np.concatenate([[0], np.cumsum(blocks)])
+    near_start = np.concatenate([[0], np.cumsum(pairs - touching)])
+    total, near, count = int(block_start[-1]), int(near_start[-1]), len(slabs) - 1
+    return Neighbours(
+        slabs,
+        block_start,
+        np.zeros(count, np.int64),
+        np.empty(total * LANES, np.int32),
+        np.empty(total * LANES, np.int32),
+        np.empty(total * LANES * FIXED_WIDTH),
+        np.empty(total * LANES * HISTORY_WIDTH),
+        near_start,
+        np.empty(near, np.int32),
+        np.empty(near, np.int32),
+        np.empty(near),
+        np.empty(near, np.int32),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros(count),
+    )
 
 
 def empty_neighbours(count: int) -> Neighbours:
     """A list without a pair, for `count` particles: what the first search carries history from."""
-    return Neighbours(
-        np.zeros(count + 1, np.int64),
-        np.zeros(0, np.int32),
-        np.zeros((0, HISTORY_WIDTH)),
-        np.array([0, count]),
-    )
+    nothing = np.zeros(1, np.int64)
+    return room_for(np.array([0, count]), nothing, nothing)
 
 
 def _find_all(
@@ -242,18 +302,28 @@ def _find_all(
     found: Any,
     count: Integers,
     needed: Integers,
+    touching: Integers,
 ) -> None:
     for k in prange(len(slabs) - 1):
         out = found[slabs[k] * room : slabs[k + 1] * room]
-        needed[k] = find_partners(slabs[k], slabs[k + 1], state, grid, skin, out, count)
+        needed[k], touching[k] = find_partners(slabs[k], slabs[k + 1], state, grid, skin, out, count)
 
 
 def _fill_all(
-    slabs: Integers, room: int, found: Any, state: Floats, order: Integers, old: Neighbours, new: Neighbours
+    room: int,
+    found: Any,
+    count: Integers,
+    particles: Particles,
+    order: Integers,
+    start: Integers,
+    slot: NDArray[np.int32],
+    old: Neighbours,
+    new: Neighbours,
+    tables: Tables,
 ) -> None:
-    for k in prange(len(slabs) - 1):
-        out = found[slabs[k] * room : slabs[k + 1] * room]
-        fill_rows(slabs[k], slabs[k + 1], out, state, order, old, new)
+    for k in prange(len(new.slab_start) - 1):
+        out = found[new.slab_start[k] * room : new.slab_start[k + 1] * room]
+        fill_slab(k, out, count, particles, order, (start, slot), old, new, tables)
 
 
 _SEARCH: dict[bool, tuple[Any, Any]] = {
@@ -265,6 +335,7 @@ _SEARCH: dict[bool, tuple[Any, Any]] = {
 def search(
     particles: Particles,
     neighbours: Neighbours,
+    tables: Tables,
     skin: float,
     keep: NDArray[np.bool_] | None = None,
     threaded: bool = False,
@@ -282,29 +353,19 @@ def search(
     order_of_old = alive[order]
     state = state[order]
     fresh = Particles(
-        state,
-        particles.force[order_of_old],
-        particles.material[order_of_old],
-        particles.number[order_of_old],
-        state[:, X : Z + 1].copy(),
+        state, particles.force[order_of_old], particles.material[order_of_old], particles.number[order_of_old]
     )
     find_all, fill_all = _SEARCH[threaded]
     grid = build_grid(state, skin)
     count = np.zeros(len(state), np.int64)
-    needed = np.zeros(len(slabs) - 1, np.int64)
+    needed, touching = np.zeros(len(slabs) - 1, np.int64), np.zeros(len(slabs) - 1, np.int64)
     room = 8
     while True:
         found = np.empty(len(state) * room, np.int32)
-        find_all(slabs, state, grid, skin, room, found, count, needed)
+        find_all(slabs, state, grid, skin, room, found, count, needed, touching)
         if (needed <= np.diff(slabs) * room).all():
             break
         room *= 2
-    start = np.concatenate([[0], np.cumsum(count)])
-    new = Neighbours(
-        start,
-        np.empty(int(start[-1]), np.int32),
-        np.empty((int(start[-1]), HISTORY_WIDTH)),
-        slabs,
-    )
-    fill_all(slabs, room, found, state, order_of_old, neighbours, new)
+    new = room_for(slabs, needed, touching)
+    fill_all(room, found, count, fresh, order_of_old, *index_contacts(neighbours), neighbours, new, tables)
     return fresh, new, order_of_old

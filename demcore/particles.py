@@ -2,10 +2,8 @@
 
 state   (N, 12) float64: X Y Z R | VX VY VZ M | WX WY WZ I    position m, radius m, velocity m/s, mass kg,
         angular velocity rad/s, moment of inertia kg m2
-force   (N, 12) float64: force N, torque N m, summed over contacts, without gravity; first those from the
-        particle's own slab, then (from column HANDED) those that the slab before handed over
+force   (N, 6) float64: force N, torque N m, summed over contacts, without gravity
 material (N,) int32: row of the material tables; number (N,) int64: the particle's name, kept for life
-home    (N, 3) float64: position at the last neighbour search
 """
 
 from __future__ import annotations
@@ -19,8 +17,6 @@ X, Y, Z, R = 0, 1, 2, 3
 VX, VY, VZ, M = 4, 5, 6, 7
 WX, WY, WZ, I = 8, 9, 10, 11  # noqa: E741  (I is the field's symbol for the moment of inertia)
 
-HANDED = 6
-
 Floats = NDArray[np.float64]
 
 
@@ -29,7 +25,6 @@ class Particles(NamedTuple):
     force: Floats
     material: NDArray[np.int32]
     number: NDArray[np.int64]
-    home: Floats
 
 
 def spheres(
@@ -53,6 +48,4 @@ def spheres(
     state[:, M] = mass
     state[:, I] = 0.4 * mass * state[:, R] ** 2
     kinds = np.ones(count, np.int32) if material is None else np.asarray(material, np.int32)
-    return Particles(
-        state, np.zeros((count, 2 * HANDED)), kinds, np.arange(count), state[:, X : Z + 1].copy()
-    )
+    return Particles(state, np.zeros((count, 6)), kinds, np.arange(count))

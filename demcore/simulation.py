@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from demcore.case import MaterialTable
 from demcore.contact.model import ContactModel
 from demcore.errors import BlowUp
-from demcore.forces import Neighbours
+from demcore.forces import Neighbours, touching_contacts
 from demcore.geometry.walls import WALL_WIDTH, Wall, Walls
 from demcore.integrator import advance_serial, advance_threaded
 from demcore.neighbours import empty_neighbours, search
 from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z
 from demcore.wall_forces import WallList
 from demcore.wall_search import empty_wall_list, list_walls
-from demcore.wrench import material_tables
+from demcore.wrench import OVERLAP, material_tables
 
 GRAVITY = (0.0, 0.0, -9.81)
 # Share of the smallest radius: longer lists against rarer searches; flat optimum between .2 and .5.
@@ -58,7 +58,7 @@ class Simulation:
         self._tables = material_tables(*self.table.arrays())
         if not self.skin:
             self.skin = SKIN * float(self.particles.state[:, R].min())
-        if len(self.neighbours.start) != len(self.particles.number) + 1:
+        if self.neighbours.slab_start[-1] != len(self.particles.number):
             self.neighbours = empty_neighbours(len(self.particles.number))
 
     @property
@@ -108,7 +108,7 @@ class Simulation:
         )
         self.left += [(int(number), self.step) for number in self.particles.number[~keep]]
         self.particles, self.neighbours, order = search(
-            self.particles, self.neighbours, self.skin, keep, self.threaded
+            self.particles, self.neighbours, self._tables, self.skin, keep, self.threaded
         )
         self.near_walls = list_walls(self.particles.state, self.walls, self.skin, order, self.near_walls)
         self.wall_way[0] = 0.0
@@ -117,13 +117,11 @@ class Simulation:
 
     def check_overlaps(self) -> float:
         """Largest overlap over the owner's radius; raises BlowUp above LARGEST_OVERLAP."""
-        lists = self.neighbours
         if self.stale or self.count == 0:
             return 0.0
-        owner = np.repeat(np.arange(self.count), np.diff(lists.start))
+        owner, partner, history = touching_contacts(self.neighbours)
         radius = self.particles.state[:, R]
-        smaller = np.minimum(radius[owner], radius[lists.partner])
-        share = lists.history[:, 1] / smaller
+        share = history[:, OVERLAP] / np.minimum(radius[owner], radius[partner])
         worst = float(share.max(initial=0.0))
         if worst > LARGEST_OVERLAP:
             k = int(share.argmax())
