@@ -33,7 +33,6 @@ from demcore.wrench import (
     Tables,
     contact_wrench,
     series_stiffness,
-    touching_pair,
 )
 
 LANES = 32
@@ -50,8 +49,8 @@ class Neighbours(NamedTuple):
     owner, partner         (blocks * LANES,) particles i < j of a contact
     fixed                  (blocks * FIXED_WIDTH * LANES,) m*, R*, K_l of a contact
     history                (blocks * HISTORY_WIDTH * LANES,), number c of a block's lane b at [c * LANES + b]
-    near_start (S + 1,)    first near pair of each slab; near_owner, near_partner, wake (m), awake (room for a list)
-    way (S,)               how far two particles of a slab and the next may have come closer since the search, halved
+    near_start (S + 1,)    first near pair of each slab; near_owner, near_partner, wake (m), awake (a list's room)
+    way (S,)               half of what two particles of a slab and the next may have come closer since the search
     travel (S,)            bound on a particle's way since the search; stride (S,) on its last step. All in m
     """
 
@@ -73,7 +72,7 @@ class Neighbours(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """The contacts there are, for reading: owner and partner (C,) rows of particles, history (C, HISTORY_WIDTH)."""
+    """The contacts that are closed: owner and partner (C,), rows of particles; history (C, HISTORY_WIDTH)."""
 
     owner: NDArray[np.int32]
     partner: NDArray[np.int32]

@@ -52,7 +52,8 @@ def move(first: int, last: int, particles: Particles, field: Any, gravity: Float
             force[i, c] = 0.0
             force[i, 3 + c] = 0.0
         fastest = max(fastest, squared)
-        finite = finite and squared == squared  # noqa: PLR0124 (only NaN differs from itself)
+        # Only NaN differs from itself.
+        finite = finite and squared == squared
     return math.sqrt(fastest) * dt if finite else np.nan
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from demcore.bench.beds import RUN_IN, Bed
 from demcore.errors import InputError
-from demcore.particles import R, X, Z
+from demcore.forces import NEVER, touching_contacts
 from demcore.simulation import Simulation
 
 
@@ -78,12 +78,10 @@ class Runner:
 
 
 def count_pairs(simulation: Simulation) -> tuple[int, int]:
-    """Listed pairs, and those of them that touch at this moment; walls not counted."""
-    lists, state = simulation.neighbours, simulation.particles.state
-    owner = np.repeat(np.arange(simulation.count), np.diff(lists.start))
-    apart = state[owner, X : Z + 1] - state[lists.partner, X : Z + 1]
-    reach = state[owner, R] + state[lists.partner, R]
-    return len(owner), int(np.count_nonzero((apart**2).sum(axis=1) < reach**2))
+    """Listed pairs, and those of them that touched at the last step; walls not counted."""
+    lists = simulation.neighbours
+    near = int(np.count_nonzero(lists.wake < NEVER))
+    return int(lists.used.sum()) + near, len(touching_contacts(lists).owner)
 
 
 def peak_of_search(simulation: Simulation) -> int:

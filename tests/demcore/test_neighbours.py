@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from demcore.case import Interaction, Stiffness, uniform_table
+from demcore.forces import LANES, touching_contacts
 from demcore.geometry.walls import Wall
 from demcore.neighbours import empty_neighbours, search
 from demcore.particles import spheres
 from demcore.simulation import wall_arrays
 from demcore.wall_search import empty_wall_list, list_walls
+from demcore.wrench import HISTORY_WIDTH, material_tables
+
+TABLES = material_tables(*uniform_table(Stiffness(1e7, 0.25), Interaction(0.5, 0.5, 0.45, 0.1)).arrays())
 
 
 def cloud(seed: int, count: int, smallest: float, largest: float, size: float):
@@ -19,9 +24,26 @@ def cloud(seed: int, count: int, smallest: float, largest: float, size: float):
     return spheres(position, radius, 1000.0)
 
 
+def used_slots(lists):
+    """Slots of the contacts, slab by slab."""
+    slots = zip(lists.block_start[:-1] * LANES, lists.used, strict=True)
+    return np.concatenate([np.arange(first, first + used) for first, used in slots])
+
+
+def listed_pairs(lists):
+    """Owner and partner of all pairs, contacts first, and the slab that lists them."""
+    near = np.diff(lists.near_start)
+    slab = np.concatenate(
+        [np.repeat(np.arange(len(near)), lists.used), np.repeat(np.arange(len(near)), near)]
+    )
+    taken = used_slots(lists)
+    owner = np.concatenate([lists.owner[taken], lists.near_owner])
+    return owner, np.concatenate([lists.partner[taken], lists.near_partner]), slab
+
+
 def named_pairs(particles, lists):
-    owner = np.repeat(np.arange(len(particles.number)), np.diff(lists.start))
-    a, b = particles.number[owner], particles.number[lists.partner]
+    owner, partner, _slab = listed_pairs(lists)
+    a, b = particles.number[owner], particles.number[partner]
     return set(zip(np.minimum(a, b).tolist(), np.maximum(a, b).tolist(), strict=True)), len(a)
 
 
@@ -41,7 +63,7 @@ def brute_force(particles, skin):
 def test_every_pair_is_found_once(threaded, count, smallest, largest, size):
     bed = cloud(count, count, smallest, largest, size)
     skin = 0.3 * smallest
-    after, lists, _order = search(bed, empty_neighbours(count), skin, threaded=threaded)
+    after, lists, _order = search(bed, empty_neighbours(count), TABLES, skin, threaded=threaded)
     pairs, listed = named_pairs(after, lists)
     assert pairs == brute_force(after, skin)
     assert listed == len(pairs)
@@ -49,34 +71,55 @@ def test_every_pair_is_found_once(threaded, count, smallest, largest, size):
 
 def test_a_pair_never_reaches_beyond_the_next_slab():
     bed = cloud(5, 3000, 0.005, 0.02, 1.0)
-    _after, lists, _order = search(bed, empty_neighbours(3000), 0.002)
-    owner = np.repeat(np.arange(3000), np.diff(lists.start))
-    slab = np.searchsorted(lists.slab_start, np.arange(3000), side="right")
-    assert (slab[lists.partner] - slab[owner]).max() <= 1
+    _after, lists, _order = search(bed, empty_neighbours(3000), TABLES, 0.002)
+    owner, partner, lister = listed_pairs(lists)
+    slab = np.searchsorted(lists.slab_start, np.arange(3000), side="right") - 1
+    assert (slab[owner] == lister).all()
+    assert set((slab[partner] - slab[owner]).tolist()) == {0, 1}
     assert len(lists.slab_start) > 3
+
+
+def write_histories(lists, rows):
+    """Rows (C, HISTORY_WIDTH) into the slots in use, slab by slab."""
+    blocks = lists.history.reshape(-1, HISTORY_WIDTH, LANES)
+    slots = used_slots(lists)
+    blocks[slots // LANES, :, slots % LANES] = rows
 
 
 def test_histories_survive_a_new_order_and_turn_with_the_owner():
     bed = cloud(9, 400, 0.01, 0.03, 0.3)
     walls = wall_arrays([Wall("plane")])
-    after, lists, order = search(bed, empty_neighbours(400), 0.003)
+    after, lists, order = search(bed, empty_neighbours(400), TABLES, 0.003)
     near = list_walls(after.state, walls, 0.003, order, empty_wall_list())
-    owner = np.repeat(np.arange(400), np.diff(lists.start))
+    slots = used_slots(lists)
     # A value that is antisymmetric in the pair's names, as a force on the owner is.
-    a, b = after.number[owner].astype(float), after.number[lists.partner].astype(float)
-    lists.history[:] = np.column_stack([*[a + b] * 4, *[a - b] * 6])
+    a, b = after.number[lists.owner[slots]] + 1.0, after.number[lists.partner[slots]] + 1.0
+    write_histories(lists, np.column_stack([*[a + b] * 4, *[a - b] * 6]))
     near.history[:] = np.repeat(after.number[near.owner], np.diff(near.start))[:, None] + 1.0
     shuffled = after.state.copy()
     shuffled[:, 0] = 0.3 - shuffled[:, 0]  # a mirror keeps all distances and turns the order round
-    mirrored, again, order = search(after._replace(state=shuffled), lists, 0.003)
+    mirrored, again, order = search(after._replace(state=shuffled), lists, TABLES, 0.003)
     near_again = list_walls(mirrored.state, walls, 0.003, order, near)
-    owner = np.repeat(np.arange(400), np.diff(again.start))
-    x, r = mirrored.state[:, :3], mirrored.state[:, 3]
-    touching = ((x[owner] - x[again.partner]) ** 2).sum(axis=1) < (r[owner] + r[again.partner]) ** 2
-    a, b = mirrored.number[owner].astype(float), mirrored.number[again.partner].astype(float)
-    assert touching.sum() > 100
-    assert (again.history[touching] == np.column_stack([*[a + b] * 4, *[a - b] * 6])[touching]).all()
-    assert (again.history[~touching] == 0.0).all()
+    owner, partner, history = touching_contacts(again)
+    a, b = mirrored.number[owner] + 1.0, mirrored.number[partner] + 1.0
+    assert len(owner) == len(slots) > 100
+    assert (np.sign(a - b) != np.sign(a - b)[0]).any()
+    assert (history == np.column_stack([*[a + b] * 4, *[a - b] * 6])).all()
     named = np.repeat(mirrored.number[near_again.owner], np.diff(near_again.start))
     assert len(named) > 0
     assert (near_again.history == named[:, None] + 1.0).all()
+
+
+def test_particles_that_were_not_there_before_bring_no_history():
+    bed = cloud(9, 400, 0.01, 0.03, 0.3)
+    first = bed._replace(**{name: value[:300] for name, value in bed._asdict().items()})
+    after, lists, _order = search(first, empty_neighbours(300), TABLES, 0.003)
+    write_histories(lists, np.ones((len(used_slots(lists)), HISTORY_WIDTH)))
+    joined = type(bed)(*(np.concatenate([old, new[300:]]) for old, new in zip(after, bed, strict=True)))
+    everyone, again, _order = search(joined, lists, TABLES, 0.003)
+    slots = used_slots(again)
+    known = np.maximum(everyone.number[again.owner[slots]], everyone.number[again.partner[slots]]) < 300
+    rows = again.history.reshape(-1, HISTORY_WIDTH, LANES)[slots // LANES, :, slots % LANES]
+    assert 50 < known.sum() < len(slots) - 50
+    assert (np.abs(rows[known]) == 1.0).all()
+    assert (rows[~known] == 0.0).all()
