@@ -156,13 +156,9 @@ def advance_serial(
         # One sweep while the slabs are in the cache, in the order of sums of the threaded loop.
         for turn in range(count // 2 + 1):
             if 2 * turn < count:
-                forces_of_slab(
-                    2 * turn, particles, lists, walls, near, model, tables, dt
-                )
+                forces_of_slab(2 * turn, particles, lists, walls, near, model, tables, dt)
             if 2 * turn - 1 < count:
-                finish_slabs(
-                    turn, particles, lists, walls, near, model, tables, gravity, dt
-                )
+                finish_slabs(turn, particles, lists, walls, near, model, tables, gravity, dt)
         wall_way[0] += move_walls(walls, dt)
         if is_stale(lists, skin) or wall_way[0] > 0.5 * skin:
             return step + 1, True
@@ -192,9 +188,7 @@ def advance_threaded(
     for step in range(steps):
         for even in prange((count + 1) // 2):
             model = ContactModel(normal, tangential, rolling, cohesion, field)
-            forces_of_slab(
-                2 * even, particles, lists, walls, near, model, tables, dt
-            )
+            forces_of_slab(2 * even, particles, lists, walls, near, model, tables, dt)
         for turn in prange(count // 2 + 1):
             model = ContactModel(normal, tangential, rolling, cohesion, field)
             finish_slabs(turn, particles, lists, walls, near, model, tables, gravity, dt)

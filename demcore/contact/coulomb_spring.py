@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from demcore.contact.cap import cap_share
+from demcore.contact.cap import limited_friction
 from demcore.contact.model import Normal, Pair, Tangential, Vec3
 from demcore.jit import leaf
 
@@ -39,18 +39,6 @@ def coulomb_spring(
     x = spring.x - along * n.x - step * velocity.x
     y = spring.y - along * n.y - step * velocity.y
     z = spring.z - along * n.z - step * velocity.z
-    friction = pair.dynamic if sliding > 0.0 else pair.static
-    limit = friction * max(normal.force, 0.0)
-    capped = x * x + y * y + z * z > limit * limit
-    # Sticking: the dashpot acts beside the spring, and both together still obey Coulomb. One cap serves both
-    # cases, because roots are the dear part of a contact.
-    c = 0.0 if capped else normal.damping
-    fx = x - c * velocity.x
-    fy = y - c * velocity.y
-    fz = z - c * velocity.z
-    share = cap_share(fx, fy, fz, limit)
-    force = Vec3(fx * share, fy * share, fz * share)
-    speed = velocity.x * velocity.x + velocity.y * velocity.y + velocity.z * velocity.z
-    slips = 1.0 if capped and speed > law.creep_speed * law.creep_speed else 0.0
-    spring = Vec3(force.x if capped else x, force.y if capped else y, force.z if capped else z)
-    return Tangential(force, spring, slips, stiffness)
+    friction = limited_friction(pair, normal, Vec3(x, y, z), velocity, sliding, law.creep_speed)
+    kept = friction.kept
+    return Tangential(friction.force, Vec3(x * kept, y * kept, z * kept), friction.slides, stiffness)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from demcore.contact.cap import cap_share
+from demcore.contact.cap import limited_friction
 from demcore.contact.model import Normal, Pair, Tangential, Vec3
 from demcore.jit import leaf
 
@@ -40,19 +40,7 @@ def mindlin_spring(
     x = spring.x - along * n.x - velocity.x * dt
     y = spring.y - along * n.y - velocity.y * dt
     z = spring.z - along * n.z - velocity.z * dt
-    friction = pair.dynamic if sliding > 0.0 else pair.static
-    limit = friction * max(normal.force, 0.0)
-    fx, fy, fz = stiffness * x, stiffness * y, stiffness * z
-    share = cap_share(fx, fy, fz, limit)
-    if share < 1.0:
-        speed = velocity.x * velocity.x + velocity.y * velocity.y + velocity.z * velocity.z
-        slips = 1.0 if speed > law.creep_speed * law.creep_speed else 0.0
-        force = Vec3(fx * share, fy * share, fz * share)
-        return Tangential(force, Vec3(x * share, y * share, z * share), slips, stiffness)
-    # Sticking: the dashpot acts beside the spring, and both together still obey Coulomb.
-    c = normal.damping
-    fx -= c * velocity.x
-    fy -= c * velocity.y
-    fz -= c * velocity.z
-    share = cap_share(fx, fy, fz, limit)
-    return Tangential(Vec3(fx * share, fy * share, fz * share), Vec3(x, y, z), 0.0, stiffness)
+    force = Vec3(stiffness * x, stiffness * y, stiffness * z)
+    friction = limited_friction(pair, normal, force, velocity, sliding, law.creep_speed)
+    kept = friction.kept
+    return Tangential(friction.force, Vec3(x * kept, y * kept, z * kept), friction.slides, stiffness)
