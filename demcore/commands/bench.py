@@ -5,6 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from demcore.bench.report import Bench
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -18,6 +22,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     speed.add_argument("--beds", type=Path, metavar="FOLDER", help="read the beds' .npz files from FOLDER")
     speed.add_argument("--law", action="append", help="hertz or paper; may be repeated (default: both)")
     speed.add_argument("--threads", type=int, nargs="+", help="thread counts (default: 1 2)")
+    speed.add_argument(
+        "--first-call",
+        action="store_true",
+        help="instead: seconds of the first step, compiled and from the cache",
+    )
     speed.add_argument("--repeats", type=int, default=3, help="turns; of each the fastest counts")
     speed.add_argument("--particle-steps", type=int, default=4_000_000, help="work in one turn")
     speed.set_defaults(run=bench)
@@ -38,6 +47,8 @@ def bench(arguments: argparse.Namespace) -> int:
         arguments.repeats,
         arguments.particle_steps,
     )
+    if arguments.first_call:
+        return first_call(task, arguments.json)
     headed = False
 
     def report(row: Row) -> None:
@@ -52,4 +63,20 @@ def bench(arguments: argparse.Namespace) -> int:
     else:
         for text in size_ratio_lines(rows):
             print(text)
+    return 0
+
+
+def first_call(task: Bench, as_json: bool) -> int:
+    """Compile in new processes, per law and thread count."""
+    from demcore.bench.compilation import first_calls
+
+    rows = []
+    for law in task.laws:
+        for threads in task.threads:
+            compiled, cached = first_calls(law, threads)
+            rows.append({"law": law, "threads": threads, "compiled_s": compiled, "cached_s": cached})
+            if not as_json:
+                print(f"{law}, {threads} threads: first call {compiled:.1f} s, from the cache {cached:.2f} s")
+    if as_json:
+        print(json.dumps(rows, indent=1))
     return 0

@@ -14,6 +14,8 @@ Triangles = NDArray[np.int64]
 
 # A side of a 64-sided tube is 0.1 % of its radius inside the circle.
 SEGMENTS = 64
+# A cone's tip is computed, and misses the axis by rounding.
+ON_AXIS = 1e-9
 
 
 def revolution(start: tuple[float, float], end: tuple[float, float]) -> tuple[Floats, Triangles]:
@@ -21,7 +23,7 @@ def revolution(start: tuple[float, float], end: tuple[float, float]) -> tuple[Fl
     angle = 2.0 * np.pi * np.arange(SEGMENTS) / SEGMENTS
     rings = []
     for rho, h in (start, end):
-        if rho == 0.0:
+        if rho <= ON_AXIS * max(start[0], end[0]):
             rings.append(np.array([[0.0, 0.0, h]]))
         else:
             rings.append(np.column_stack([rho * np.cos(angle), rho * np.sin(angle), np.full(SEGMENTS, h)]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -178,6 +179,26 @@ def test_a_missing_liggghts_is_said_before_anything_runs(monkeypatch, capsys):
     captured = capsys.readouterr()
     assert "apt-get install liggghts" in captured.err
     assert captured.out == ""
+
+
+def test_the_first_call_compiles_once(monkeypatch, capsys):
+    class Answer:
+        returncode, stderr = 0, ""
+
+        def __init__(self, seconds):
+            self.stdout = json.dumps([{"first_call_s": seconds}])
+
+    caches = []
+
+    def run(command, env, **_rest):
+        caches.append(env["NUMBA_CACHE_DIR"])
+        return Answer(30.0 if len(caches) == 1 else 0.5)
+
+    monkeypatch.setattr("demcore.bench.compilation.subprocess.run", run)
+    assert main(["bench", "--first-call", "--law", "hertz", "--threads", "1"]) == 0
+    assert "first call 30.0 s, from the cache 0.50 s" in capsys.readouterr().out
+    # Both in the one new cache, which is gone again.
+    assert len(set(caches)) == 1 and not Path(caches[0]).exists()
 
 
 def test_beds_of_liggghts_are_not_settled_by_us():

@@ -105,6 +105,7 @@ def test_a_cone_a_disc_and_a_tube_have_the_area_of_their_polygons():
         ((0.0, 0.0), (1.0, 0.0), 64 * 0.5 * side * height),
         ((1.0, 0.0), (0.0, 0.0), 64 * 0.5 * side * height),
         ((0.0, 0.0), (1.0, 1.0), 64 * 0.5 * side * np.sqrt(1.0 + height**2)),
+        ((1.0, 0.0), (1e-17, 0.0), 64 * 0.5 * side * height),
         ((0.5, 0.0), (1.0, 0.0), 64 * 0.5 * side * height * 0.75),
     ):
         points, triangles = revolution(start, end)
