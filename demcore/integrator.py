@@ -9,15 +9,16 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from demcore.contact.laws import field_wrench
 from demcore.contact.model import Body, ContactModel, Vec3
 from demcore.forces import Neighbours, slab_forces
-from demcore.geometry.walls import Walls
+from demcore.geometry.motion import place_walls
+from demcore.geometry.wall_rows import Walls
 from demcore.jit import kernel, leaf, parallel_kernel, prange
 from demcore.particles import Floats, Particles
-from demcore.wall_forces import WallList, wall_forces
+from demcore.wall_forces import wall_forces
+from demcore.wall_list import WallList
 from demcore.wrench import Tables
 
 
@@ -55,20 +56,6 @@ def move(first: int, last: int, particles: Particles, field: Any, gravity: Float
         # Only NaN differs from itself.
         finite = finite and squared == squared
     return math.sqrt(fastest) * dt if finite else np.nan
-
-
-@kernel
-def move_walls(walls: Walls, dt: float) -> float:
-    """Carry travelling walls by one step; the longest way one of them went, m."""
-    longest = 0.0
-    for w in range(len(walls.kind)):
-        squared = 0.0
-        for c in range(3):
-            step = walls.data[w, 8 + c] * dt
-            walls.data[w, c] += step
-            squared += step * step
-        longest = max(longest, math.sqrt(squared))
-    return longest
 
 
 @kernel
@@ -129,6 +116,7 @@ def is_stale(lists: Neighbours, skin: float) -> bool:
 
 @kernel
 def advance_serial(
+    first: int,
     steps: int,
     particles: Particles,
     lists: Neighbours,
@@ -143,12 +131,12 @@ def advance_serial(
     gravity: Floats,
     dt: float,
     skin: float,
-    wall_way: NDArray[np.float64],
 ) -> tuple[int, bool]:
-    """Up to `steps` steps, fewer when the neighbour list goes stale; returns how many, and whether it did.
+    """Up to `steps` steps from step number `first` on, fewer when the neighbour list goes stale.
 
-    `wall_way` (1,) is how far walls went since the last search, m; half the skin is theirs and the other half
-    the particles'. The laws come one by one because a threaded loop takes no nested tuples.
+    Returns how many, and whether it did; a particle that goes through a wall counts as stale too, so that the
+    caller sees it at once. Half the skin is for the way of the walls, the other half for the particles'. The
+    laws come one by one because a threaded loop takes no nested tuples.
     """
     model = ContactModel(normal, tangential, rolling, cohesion, field)
     count = len(lists.slab_start) - 1
@@ -159,14 +147,15 @@ def advance_serial(
                 forces_of_slab(2 * turn, particles, lists, walls, near, model, tables, dt)
             if 2 * turn - 1 < count:
                 finish_slabs(turn, particles, lists, walls, near, model, tables, gravity, dt)
-        wall_way[0] += move_walls(walls, dt)
-        if is_stale(lists, skin) or wall_way[0] > 0.5 * skin:
+        way = place_walls(walls, (first + step + 1) * dt, dt)
+        if is_stale(lists, skin) or near.alarm[0] or not way <= 0.5 * skin:
             return step + 1, True
     return steps, False
 
 
 @parallel_kernel
 def advance_threaded(
+    first: int,
     steps: int,
     particles: Particles,
     lists: Neighbours,
@@ -181,7 +170,6 @@ def advance_threaded(
     gravity: Floats,
     dt: float,
     skin: float,
-    wall_way: NDArray[np.float64],
 ) -> tuple[int, bool]:
     """`advance_serial` with the slabs on all threads, which meet twice a step; the same bits."""
     count = len(lists.slab_start) - 1
@@ -192,7 +180,7 @@ def advance_threaded(
         for turn in prange(count // 2 + 1):
             model = ContactModel(normal, tangential, rolling, cohesion, field)
             finish_slabs(turn, particles, lists, walls, near, model, tables, gravity, dt)
-        wall_way[0] += move_walls(walls, dt)
-        if is_stale(lists, skin) or wall_way[0] > 0.5 * skin:
+        way = place_walls(walls, (first + step + 1) * dt, dt)
+        if is_stale(lists, skin) or near.alarm[0] or not way <= 0.5 * skin:
             return step + 1, True
     return steps, False

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from demcore.errors import InputError
-from demcore.geometry.walls import CYLINDER, DISC, PLANE, Walls
+from demcore.geometry.motion import is_present
+from demcore.geometry.wall_rows import CENTRE, PLANE, PROFILE, TRIANGLES, TURN, Walls
 from demcore.output.frames import Arrays, FrameJournal
 from demcore.output.spheres import SPHERE_FIELDS, vertices
-from demcore.output.tessellation import revolution, square, turned_to
+from demcore.output.tessellation import revolution, square
 from demcore.output.vtkhdf import Field, PolyData, PolyDataSeries, replace_file
 from demcore.particles import VX, VZ, WX, WZ, R, X, Z
 from demcore.simulation import Simulation
@@ -54,7 +55,7 @@ class SeriesRecorder:
         if self._patch is None:
             self._patch = _patch_of(simulation)
         arrays = sphere_arrays(simulation) | {"patch": self._patch}
-        walls = wall_arrays_of(simulation.walls, self._patch)
+        walls = wall_arrays_of(simulation.walls, self._patch, simulation.step, simulation.dt)
         if not self._walls or any(not np.array_equal(walls[name], self._walls[name]) for name in walls):
             arrays |= walls
         self._journal.append(time, arrays)
@@ -137,18 +138,18 @@ def _patch_of(simulation: Simulation) -> NDArray[np.float64]:
     return np.array([*(0.5 * (lowest + highest)), half])
 
 
-def wall_arrays_of(walls: Walls, patch: NDArray[np.float64]) -> Arrays:
-    """All walls that are there as triangles; `Wall` is their row, planes are cut to the patch."""
+def wall_arrays_of(walls: Walls, patch: NDArray[np.float64], step: int, dt: float) -> Arrays:
+    """All walls that are there at this step as triangles; `Wall` is their row, planes are cut to the patch."""
     points, triangles, number, material = [], [], [], []
     count = 0
     for w in range(len(walls.kind)):
-        if walls.kind[w] < 0:
+        if not is_present(walls, w, step, dt):
             continue
-        corners, faces = _surface(int(walls.kind[w]), walls.data[w], patch)
+        corners, faces = _surface(walls, w, patch)
         points.append(corners)
         triangles.append(faces + count)
         number.append(np.full(len(faces), w, np.int32))
-        material.append(np.full(len(faces), walls.data[w, 17], np.int32))
+        material.append(np.full(len(faces), walls.material[w], np.int32))
         count += len(corners)
     empty: dict[str, NDArray[Any]] = {
         "wall_points": np.zeros((0, 3), np.float32),
@@ -163,16 +164,18 @@ def wall_arrays_of(walls: Walls, patch: NDArray[np.float64]) -> Arrays:
 
 
 def _surface(
-    kind: int, row: NDArray[np.float64], patch: NDArray[np.float64]
+    walls: Walls, w: int, patch: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    centre, axis, radius, length = row[0:3], row[3:6], float(row[6]), float(row[7])
-    if kind == PLANE:
+    centre, turn = walls.pose[w, CENTRE:TURN], walls.pose[w, TURN : TURN + 9].reshape(3, 3)
+    if walls.kind[w] == PLANE:
         points, triangles = square(float(patch[3]))
         # Below the middle of the particles, not wherever on the plane its own centre was put.
+        axis = turn[:, 2]
         centre = patch[:3] - ((patch[:3] - centre) @ axis) * axis
-    elif kind == DISC:
-        points, triangles = revolution((0.0, 0.0), (radius, 0.0))
+    elif walls.kind[w] == TRIANGLES:
+        rows = walls.triangle[walls.first_triangle[w] : walls.first_triangle[w + 1], :9]
+        points, triangles = rows.reshape(-1, 3), np.arange(3 * len(rows)).reshape(-1, 3)
     else:
-        assert kind == CYLINDER
-        points, triangles = revolution((radius, 0.0), (radius, length))
-    return centre + points @ turned_to(axis).T, triangles
+        radius, away, up, length = walls.shape[w, PROFILE : PROFILE + 4]
+        points, triangles = revolution((radius, 0.0), (radius + length * away, length * up))
+    return centre + points @ turn.T, triangles

@@ -6,7 +6,6 @@ same bits (checkpoint.py).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,12 +15,13 @@ from demcore.case import MaterialTable
 from demcore.contact.model import ContactModel
 from demcore.errors import BlowUp
 from demcore.forces import Neighbours, touching_contacts
-from demcore.geometry.walls import WALL_WIDTH, Wall, Walls
+from demcore.geometry.motion import next_change, place_walls
+from demcore.geometry.wall_rows import Walls
 from demcore.integrator import advance_serial, advance_threaded
 from demcore.neighbours import empty_neighbours, search
 from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z
-from demcore.wall_forces import WallList
-from demcore.wall_search import empty_wall_list, list_walls
+from demcore.wall_list import WallList, empty_wall_list
+from demcore.wall_search import find_crossing, find_inside, find_racing_wall, list_walls, wall_label
 from demcore.wrench import OVERLAP, material_tables
 
 GRAVITY = (0.0, 0.0, -9.81)
@@ -50,7 +50,7 @@ class Simulation:
     searches: int = 0
     neighbours: Neighbours = field(default_factory=lambda: empty_neighbours(0))
     near_walls: WallList = field(default_factory=empty_wall_list)
-    wall_way: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+    wall_names: tuple[str, ...] = ()
     stale: bool = True
     left: list[tuple[int, int]] = field(default_factory=list)
 
@@ -75,13 +75,18 @@ class Simulation:
         end = self.step + steps
         advance = advance_threaded if self.threaded else advance_serial
         while self.step < end:
+            place_walls(self.walls, self.time, self.dt)
             if self.stale:
                 self._search()
             if self.count == 0:
                 self.step = end
+                place_walls(self.walls, self.time, self.dt)
                 break
+            # A wall appears or vanishes with a search of its own, at its step however a run is cut up.
+            change = next_change(self.walls, self.step, self.dt)
             made, self.stale = advance(
-                end - self.step,
+                self.step,
+                int(min(end, change)) - self.step,
                 self.particles,
                 self.neighbours,
                 self.walls,
@@ -91,9 +96,10 @@ class Simulation:
                 self.gravity,
                 self.dt,
                 self.skin,
-                self.wall_way,
             )
             self.step += int(made)
+            self.stale = self.stale or self.step == change
+            self._check_crossing()
 
     def _search(self) -> None:
         state = self.particles.state
@@ -110,10 +116,30 @@ class Simulation:
         self.particles, self.neighbours, order = search(
             self.particles, self.neighbours, self._tables, self.skin, keep, self.threaded
         )
-        self.near_walls = list_walls(self.particles.state, self.walls, self.skin, order, self.near_walls)
-        self.wall_way[0] = 0.0
+        self.near_walls = list_walls(
+            self.particles.state, self.walls, self.skin, self.step, self.dt, order, self.near_walls
+        )
+        self._check_walls()
         self.searches += 1
         self.stale = False
+
+    def _check_crossing(self) -> None:
+        crossing = find_crossing(self.near_walls, self.particles)
+        if crossing is not None:
+            wall = wall_label(self.wall_names, crossing.wall)
+            raise BlowUp(f"particle {crossing.particle} went through {wall} at {self.time:.6g} s")
+
+    def _check_walls(self) -> None:
+        """Raises BlowUp for a wall that appears in a particle, and for one too fast to be met."""
+        inside = find_inside(self.near_walls, self.particles, self.walls, self.step, self.dt)
+        if inside is not None:
+            wall = wall_label(self.wall_names, inside.wall)
+            raise BlowUp(f"particle {inside.particle} is where {wall} appears at {self.time:.6g} s")
+        smallest = float(self.particles.state[:, R].min(initial=np.inf))
+        racing = find_racing_wall(self.walls, smallest, self.dt)
+        if racing is not None:
+            wall = wall_label(self.wall_names, racing)
+            raise BlowUp(f"{wall} moves more than half the smallest radius in one step at {self.time:.6g} s")
 
     def check_overlaps(self) -> float:
         """Largest overlap over the owner's radius; raises BlowUp above LARGEST_OVERLAP."""
@@ -133,7 +159,7 @@ class Simulation:
 
     def remove_wall(self, index: int) -> None:
         """Let a wall vanish now; its number stays taken, so that histories of the others keep their keys."""
-        self.walls.kind[index] = -1
+        self.walls.window[index, 1] = self.time
         self.stale = True
 
     @property
@@ -147,9 +173,3 @@ class Simulation:
                 + s[:, I] * (s[:, WX : WZ + 1] ** 2).sum(axis=1)
             ).sum()
         )
-
-
-def wall_arrays(walls: Sequence[Wall]) -> Walls:
-    """Walls as the kernels read them, in order."""
-    data = np.array([w.row() for w in walls]) if walls else np.zeros((0, WALL_WIDTH))
-    return Walls(np.array([w.kind_number for w in walls], np.int64), data)

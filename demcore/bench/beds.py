@@ -17,10 +17,11 @@ from demcore.case import Interaction, MaterialTable, Stiffness
 from demcore.contact.laws import hertz_mindlin_model, paper_model
 from demcore.contact.model import ContactModel
 from demcore.errors import InputError
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.insertion import fill_cylinder
 from demcore.particles import R, X, Z, spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.time_step import time_step
 
 SHIPPED = Path(__file__).parent.parent / "data" / "beds"

@@ -20,12 +20,14 @@ from demcore.contact.laws import paper_model
 from demcore.errors import NeverSettles
 from demcore.experiments.pile_case import PileTest, material_table
 from demcore.forces import Neighbours
-from demcore.geometry.walls import Wall, Walls
+from demcore.geometry.wall_arrays import wall_arrays
+from demcore.geometry.wall_rows import Walls
+from demcore.geometry.walls import Wall
 from demcore.insertion import fill_cylinder
 from demcore.material import coarse_grain
 from demcore.particles import VX, VZ, M, Particles, R, Z, spheres
-from demcore.simulation import Simulation, wall_arrays
-from demcore.wall_forces import WallList
+from demcore.simulation import Simulation
+from demcore.wall_list import WallList
 
 REST_SPEED = 0.005
 REST_TIME = 0.1
@@ -100,7 +102,6 @@ class PileRun:
             "stale": s.stale,
         }
         arrays: dict[str, NDArray[Any]] = {
-            "wall_way": s.wall_way,
             "left": np.array(s.left, np.int64).reshape(-1, 2),
         }
         for group, record in (
@@ -122,7 +123,6 @@ class PileRun:
             setattr(self, name, numbers[name])
         s = self.simulation
         s.step, s.searches, s.stale = numbers["step"], numbers["searches"], numbers["stale"]
-        s.wall_way = arrays["wall_way"]
         s.left = [(int(number), int(step)) for number, step in arrays["left"]]
         s.particles = Particles(*(arrays[f"p_{name}"] for name in Particles._fields))
         s.neighbours = Neighbours(*(arrays[f"n_{name}"] for name in Neighbours._fields))

@@ -1,42 +1,81 @@
-"""Analytic walls: where a sphere touches them and how their surface moves there.
-
-A wall is a row of 18 numbers (WALL_WIDTH) and a kind. Columns: centre 0-2, axis 3-5 (unit), radius 6,
-length 7, velocity 8-10 (m/s, the wall travels), angular velocity 11-13 (rad/s about the centre; the wall is a
-body of revolution, so only its surface moves), surface velocity 14-16 (m/s, belts), material row 17.
-"""
+"""What a wall is asked to be: shape, place, motion, belt, lifetime. Plain records; kernels read `wall_arrays`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from demcore.contact.model import Vec3
 from demcore.errors import InputError
-from demcore.jit import leaf
+from demcore.geometry.mesh import TriangleMesh
 
-PLANE, DISC, CYLINDER = 0, 1, 2
-WALL_WIDTH = 18
 ZERO = (0.0, 0.0, 0.0)
 
 Triple = tuple[float, float, float]
 
 
-class Walls(NamedTuple):
-    """All walls of a simulation as the kernels read them: kind (W,), -1 for one that has vanished, and rows."""
+def _check_triple(field: str, value: Any, unit: str) -> None:
+    try:
+        numbers = [float(v) for v in value]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) != 3 or not all(math.isfinite(v) for v in numbers):
+        raise InputError(field, value, f"three finite numbers{unit}")
 
-    kind: NDArray[np.int64]
-    data: NDArray[np.float64]
+
+def _check_axis(field: str, value: Any) -> None:
+    _check_triple(field, value, "")
+    if not 1e-100 < math.hypot(*value) < 1e100:
+        raise InputError(field, value, "a vector that is not zero")
+
+
+def _check_range(field: str, value: Any, lower: float, upper: float, allowed: str) -> None:
+    """lower <= value <= upper; a NaN or something that is no number fails too."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not lower <= value <= upper:
+        raise InputError(field, value, allowed)
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """Back and forth about the wall's place: `amplitude` (m) times sin(2 pi frequency t + phase), and a turn by
+    `angle` (rad) times the same sine about `axis` through the wall's pivot. Frequency in Hz, phase in rad.
+
+    Raises InputError for what is not finite, a frequency that is not positive, an axis of zero.
+    """
+
+    amplitude: Triple = ZERO
+    frequency: float = 1.0
+    phase: float = 0.0
+    angle: float = 0.0
+    axis: Triple = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        _check_triple("oscillation.amplitude", self.amplitude, " in m")
+        _check_range("oscillation.frequency", self.frequency, 1e-9, 1e9, "a positive frequency in Hz")
+        _check_range("oscillation.phase", self.phase, -1e9, 1e9, "a finite angle in rad")
+        _check_range("oscillation.angle", self.angle, -math.pi, math.pi, "-pi to pi rad")
+        _check_axis("oscillation.axis", self.axis)
 
 
 @dataclass(frozen=True)
 class Wall:
-    """`plane`: half space below the axis; `disc`: two-sided; `cylinder`: open tube from the centre along the
-    axis. Lengths in m, velocities in m/s and rad/s; `material` is the row of the material tables."""
+    """One wall. Lengths in m, velocities in m/s and rad/s, times in s; `material` is a row of the tables.
+
+    kind               `plane`: half space below the axis, solid. The others are thin and two-sided:
+                       `disc`: ring from `inner_radius` to `radius`; `cylinder`: open tube from the centre along
+                       the axis; `cone`: open frustum, `radius` at the centre, `end_radius` at centre + length
+                       axis; `mesh`: `mesh`, its origin put at the centre
+    velocity           the wall travels
+    angular_velocity   the wall turns about the axis through `pivot` (default: the centre) that travels with it
+    oscillation        comes on top of both
+    moves_from, moves_until   outside this time the wall stands still where it is
+    surface_velocity   belt: the surface runs along this vector, as it is at time 0, projected on the local face
+                       and brought back to its length; where nothing is left of it the surface stands
+    from_time, until_time     the wall is there from the first (inclusive) to the second (exclusive)
+    name               for messages
+
+    Raises InputError naming the field.
+    """
 
     kind: str
     centre: Triple = ZERO
@@ -47,80 +86,67 @@ class Wall:
     angular_velocity: Triple = ZERO
     surface_velocity: Triple = ZERO
     material: int = 0
+    inner_radius: float = 0.0
+    end_radius: float = 0.0
+    mesh: TriangleMesh | None = None
+    pivot: Triple | None = None
+    oscillation: Oscillation | None = None
+    moves_from: float = 0.0
+    moves_until: float = math.inf
+    from_time: float = 0.0
+    until_time: float = math.inf
+    name: str = ""
 
-    KINDS = ("plane", "disc", "cylinder")
+    KINDS = ("plane", "disc", "cylinder", "cone", "mesh")
 
     def __post_init__(self) -> None:
         if self.kind not in self.KINDS:
             raise InputError("wall.kind", self.kind, "one of " + ", ".join(self.KINDS))
-        if not math.isfinite(sum(abs(a) for a in self.axis)) or not any(self.axis):
-            raise InputError("wall.axis", self.axis, "a finite vector that is not zero")
-        if self.kind != "plane" and not (math.isfinite(self.radius) and self.radius > 0.0):
-            raise InputError("wall.radius", self.radius, "a positive radius in m")
-        if self.kind == "cylinder" and not self.length > 0.0:
-            raise InputError("wall.length", self.length, "a positive length in m")
+        self._check_motion()
+        self._check_shape()
+        if not isinstance(self.material, int) or isinstance(self.material, bool) or self.material < 0:
+            raise InputError("wall.material", self.material, "a row of the material tables")
+        if not isinstance(self.name, str):
+            raise InputError("wall.name", self.name, "a text")
 
-    def row(self) -> NDArray[np.float64]:
-        """The wall as the kernels read it."""
-        axis = np.array(self.axis, float)
-        axis /= np.sqrt((axis**2).sum())
-        numbers: list[Sequence[float] | NDArray[np.float64]] = [
-            self.centre,
-            axis,
-            (self.radius, self.length),
-            self.velocity,
-            self.angular_velocity,
-            self.surface_velocity,
-            (float(self.material),),
-        ]
-        return np.concatenate([np.asarray(n, float) for n in numbers])
+    def _check_motion(self) -> None:
+        _check_triple("wall.centre", self.centre, " in m")
+        _check_axis("wall.axis", self.axis)
+        _check_triple("wall.velocity", self.velocity, " in m/s")
+        _check_triple("wall.angular_velocity", self.angular_velocity, " in rad/s")
+        _check_triple("wall.surface_velocity", self.surface_velocity, " in m/s")
+        if self.pivot is not None:
+            _check_triple("wall.pivot", self.pivot, " in m")
+        if self.oscillation is not None and not isinstance(self.oscillation, Oscillation):
+            raise InputError("wall.oscillation", self.oscillation, "an Oscillation or None")
+        for first, last in (("moves_from", "moves_until"), ("from_time", "until_time")):
+            start, end = getattr(self, first), getattr(self, last)
+            _check_range(f"wall.{first}", start, 0.0, 1e15, "a time in s, not negative")
+            _check_range(f"wall.{last}", end, start, math.inf, f"a time in s, not before {first}")
+
+    def _check_shape(self) -> None:
+        kind, length = self.kind, "a positive length in m"
+        if kind in ("disc", "cylinder"):
+            _check_range("wall.radius", self.radius, 1e-12, 1e12, "a positive radius in m")
+        if kind == "cone":
+            _check_range("wall.radius", self.radius, 0.0, 1e12, "a radius in m, not negative")
+            _check_range("wall.end_radius", self.end_radius, 0.0, 1e12, "a radius in m, not negative")
+            if self.radius == self.end_radius == 0.0:
+                raise InputError("wall.radius", self.radius, "a positive radius at one end of a cone")
+        elif self.end_radius != 0.0:
+            raise InputError("wall.end_radius", self.end_radius, "0, except for a cone")
+        if kind in ("cylinder", "cone"):
+            _check_range("wall.length", self.length, 1e-12, 1e12, length)
+        if kind == "disc":
+            below = math.nextafter(self.radius, 0.0)
+            _check_range("wall.inner_radius", self.inner_radius, 0.0, below, "0 to less than the radius, m")
+        elif self.inner_radius != 0.0:
+            raise InputError("wall.inner_radius", self.inner_radius, "0, except for a disc")
+        if (kind == "mesh") != isinstance(self.mesh, TriangleMesh):
+            allowed = "a TriangleMesh" if kind == "mesh" else "None, except for a mesh"
+            raise InputError("wall.mesh", type(self.mesh).__name__, allowed)
 
     @property
-    def kind_number(self) -> int:
-        return self.KINDS.index(self.kind)
-
-
-@leaf
-def wall_distance(
-    kind: int, walls: NDArray[np.float64], w: int, x: float, y: float, z: float
-) -> tuple[float, Vec3]:
-    """Distance of a point to wall w, m, and the unit normal towards the point.
-
-    Negative only behind a plane, which is solid; 1e30 where there is no nearest point (a tube's axis).
-    """
-    qx, qy, qz = x - walls[w, 0], y - walls[w, 1], z - walls[w, 2]
-    ax, ay, az = walls[w, 3], walls[w, 4], walls[w, 5]
-    h = qx * ax + qy * ay + qz * az
-    if kind == PLANE:
-        return h, Vec3(ax, ay, az)
-    rx, ry, rz = qx - h * ax, qy - h * ay, qz - h * az
-    rho = math.sqrt(rx * rx + ry * ry + rz * rz)
-    radius = walls[w, 6]
-    if kind == DISC:
-        if rho <= radius:
-            side = 1.0 if h >= 0.0 else -1.0
-            return abs(h), Vec3(side * ax, side * ay, side * az)
-        along = 0.0
-    else:
-        along = min(max(h, 0.0), walls[w, 7])
-        if rho == 0.0:
-            return 1e30, Vec3(ax, ay, az)
-    share = 1.0 - radius / rho
-    dx = (h - along) * ax + share * rx
-    dy = (h - along) * ay + share * ry
-    dz = (h - along) * az + share * rz
-    d = math.sqrt(dx * dx + dy * dy + dz * dz)
-    if d == 0.0:
-        return 0.0, Vec3(ax, ay, az)
-    return d, Vec3(dx / d, dy / d, dz / d)
-
-
-@leaf
-def wall_velocity(walls: NDArray[np.float64], w: int, x: float, y: float, z: float) -> Vec3:
-    """Velocity of the surface of wall w at a point: travel, rotation about the centre, belt. m/s."""
-    qx, qy, qz = x - walls[w, 0], y - walls[w, 1], z - walls[w, 2]
-    return Vec3(
-        walls[w, 8] + walls[w, 12] * qz - walls[w, 13] * qy + walls[w, 14],
-        walls[w, 9] + walls[w, 13] * qx - walls[w, 11] * qz + walls[w, 15],
-        walls[w, 10] + walls[w, 11] * qy - walls[w, 12] * qx + walls[w, 16],
-    )
+    def label(self) -> str:
+        """Its name, or else its kind."""
+        return self.name or self.kind

@@ -10,10 +10,11 @@ from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.contact.laws import paper_model
 from demcore.contact.model import ContactModel
 from demcore.errors import NeverSettles
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.insertion import fill_cylinder
 from demcore.particles import VX, VZ, Floats, M, Particles, R, Z, spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.time_step import time_step
 
 YOUNGS, POISSON, DENSITY = 1e7, 0.25, 2500.0

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from demcore.case import Interaction, MaterialTable, Stiffness
 from demcore.contact.laws import paper_model
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.particles import VX, WX, X, Z, spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.time_step import time_step
 from demcore.verification.outcome import SECTION_3, Outcome, share_of
 from demcore.verification.single_sphere import (

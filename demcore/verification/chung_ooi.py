@@ -18,9 +18,10 @@ import numpy as np
 
 from demcore.case import Interaction, MaterialTable, Stiffness
 from demcore.contact.laws import hertz_mindlin_model
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.particles import VX, VZ, WX, Floats, M, spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.time_step import hertz_time_step
 from demcore.verification.impact import clamped_restitution
 from demcore.verification.outcome import Outcome, share_of

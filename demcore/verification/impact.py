@@ -14,8 +14,9 @@ import numpy as np
 from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.contact.laws import hertz_mindlin_model, paper_model
 from demcore.contact.model import ContactModel
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.particles import VX, VZ, M, R, X, Z, spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.time_step import hertz_time_step, time_step
 from demcore.verification.outcome import SECTION_1, SECTION_3, Outcome, share_of
 from demcore.verification.single_sphere import (

@@ -13,12 +13,13 @@ import numpy as np
 
 from demcore.case import Interaction, MaterialTable, Stiffness
 from demcore.contact.laws import hertz_mindlin_model
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.insertion import fill_cylinder
 from demcore.material import SizeClass, SizeDistribution
 from demcore.observables.repose_angle import scan_heights, surface_scan
 from demcore.particles import M, R, X, Z, spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.verification.beds import fall_time, run_to_rest
 from demcore.verification.outcome import Outcome
 

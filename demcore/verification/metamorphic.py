@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.contact.laws import hertz_mindlin_model, paper_model
 from demcore.contact.model import ContactModel
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.insertion import fill_cylinder
 from demcore.particles import Floats, M, X, Z, spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.time_step import time_step
 from demcore.verification.beds import DENSITY, POISSON, YOUNGS, G, tube
 from demcore.verification.outcome import SECTION_3, Outcome

@@ -9,9 +9,10 @@ import numpy as np
 from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.contact.laws import paper_model
 from demcore.contact.model import ContactModel
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.particles import spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.time_step import time_step
 
 YOUNGS, POISSON, DENSITY = 1e7, 0.25, 2500.0

@@ -6,10 +6,11 @@ import numpy as np
 
 from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.contact.laws import paper_model
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.insertion import fill_cylinder
 from demcore.particles import spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.time_step import time_step
 
 CONTACT = Interaction(0.3, 0.5, 0.45, 0.2)

@@ -9,9 +9,10 @@ from demcore.case import Interaction, MaterialTable, Stiffness
 from demcore.contact.laws import hertz_mindlin_model, paper_model
 from demcore.contact.model import History, Vec3
 from demcore.forces import LANES, NEVER, slab_forces, touching_contacts
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.neighbours import empty_neighbours, search
 from demcore.particles import spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.wrench import contact_wrench, material_tables, series_stiffness, touching_pair
 
 DT = 1e-5

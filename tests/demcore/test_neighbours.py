@@ -7,11 +7,12 @@ import pytest
 
 from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.forces import LANES, touching_contacts
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.neighbours import empty_neighbours, search
 from demcore.particles import spheres
-from demcore.simulation import wall_arrays
-from demcore.wall_search import empty_wall_list, list_walls
+from demcore.wall_list import empty_wall_list
+from demcore.wall_search import list_walls
 from demcore.wrench import HISTORY_WIDTH, material_tables
 
 TABLES = material_tables(*uniform_table(Stiffness(1e7, 0.25), Interaction(0.5, 0.5, 0.45, 0.1)).arrays())
@@ -90,7 +91,7 @@ def test_histories_survive_a_new_order_and_turn_with_the_owner():
     bed = cloud(9, 400, 0.01, 0.03, 0.3)
     walls = wall_arrays([Wall("plane")])
     after, lists, order = search(bed, empty_neighbours(400), TABLES, 0.003)
-    near = list_walls(after.state, walls, 0.003, order, empty_wall_list())
+    near = list_walls(after.state, walls, 0.003, 0, 1e-4, order, empty_wall_list())
     slots = used_slots(lists)
     # A value that is antisymmetric in the pair's names, as a force on the owner is.
     a, b = after.number[lists.owner[slots]] + 1.0, after.number[lists.partner[slots]] + 1.0
@@ -99,7 +100,7 @@ def test_histories_survive_a_new_order_and_turn_with_the_owner():
     shuffled = after.state.copy()
     shuffled[:, 0] = 0.3 - shuffled[:, 0]  # a mirror keeps all distances and turns the order round
     mirrored, again, order = search(after._replace(state=shuffled), lists, TABLES, 0.003)
-    near_again = list_walls(mirrored.state, walls, 0.003, order, near)
+    near_again = list_walls(mirrored.state, walls, 0.003, 0, 1e-4, order, near)
     owner, partner, history = touching_contacts(again)
     a, b = mirrored.number[owner] + 1.0, mirrored.number[partner] + 1.0
     assert len(owner) == len(slots) > 100
