@@ -44,15 +44,3 @@ def square(half: float) -> tuple[Floats, Triangles]:
     """A square of half side `half`, m, in z = 0."""
     corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     return half * corners, np.array([[0, 1, 2], [0, 2, 3]])
-
-
-def turned_to(axis: Floats) -> Floats:
-    """A rotation (3, 3) that takes z to the unit vector `axis`; for what is round about it, any will do."""
-    x, y, z = axis
-    # Duff et al. 2017, "Building an orthonormal basis, revisited": no case where it loses digits.
-    sign = 1.0 if z >= 0.0 else -1.0
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return np.array(
-        [[1.0 + sign * x * x * a, b, x], [sign * b, sign + y * y * a, y], [-sign * x, -y, z]],
-    )

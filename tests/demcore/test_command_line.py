@@ -235,6 +235,48 @@ def test_ctrl_c_saves_the_run_and_says_so_in_a_line(tmp_path):
     assert (out / "run.checkpoint").exists()
 
 
+CUBE = """solid cube
+facet normal 0 0 1
+ outer loop
+  vertex 0 0 0
+  vertex 100 0 0
+  vertex 0 100 0
+ endloop
+endfacet
+endsolid cube
+"""
+
+
+def test_a_mesh_is_told_in_metres(tmp_path, capsys):
+    file = tmp_path / "plate.stl"
+    file.write_text(CUBE)
+    assert main(["mesh", str(file), "--units", "mm", "--up", "y"]) == 0
+    assert "1 triangles, 0.1 x 0 x 0.1 m, read in mm with y up, not watertight" in capsys.readouterr().out
+    assert main(["mesh", str(file), "--units", "mm", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["upper"] == [0.1, 0.1, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "more", "said"),
+    [
+        ("", "", [], "units: got None"),
+        ("", "", ["--units", "feet"], "units: got 'feet'"),
+        ("", "", ["--units", "mm", "--up", "w"], "up_axis"),
+        ("0 100 0", "200 0 0", ["--units", "mm"], "degenerate"),
+        ("0 100 0", "0 nan 0", ["--units", "mm"], "finite"),
+        ("endsolid cube", "", ["--units", "mm"], "damaged"),
+    ],
+)
+def test_a_bad_mesh_is_one_line(before, after, more, said, tmp_path, capsys):
+    file = tmp_path / "plate.stl"
+    file.write_text(CUBE.replace(before, after, 1) if before else CUBE)
+    assert said in refused(["mesh", str(file), *more], capsys)
+
+
+def test_a_mesh_that_is_not_there_is_one_line(tmp_path, capsys):
+    assert "nowhere.stl" in refused(["mesh", str(tmp_path / "nowhere.stl"), "--units", "m"], capsys)
+
+
 def test_verify_prints_every_case_as_json(capsys):
     assert main(["verify", "--json"]) == 0
     cases = json.loads(capsys.readouterr().out)

@@ -7,7 +7,7 @@ import pytest
 import pyvista
 
 from demcore.output.spheres import SPHERE_FIELDS, vertices, write_spheres
-from demcore.output.tessellation import revolution, square, turned_to
+from demcore.output.tessellation import revolution, square
 from demcore.output.vtkhdf import Field, PolyData, PolyDataSeries
 from tests.demcore.output.vtk_reading import read_steps
 
@@ -111,14 +111,3 @@ def test_a_cone_a_disc_and_a_tube_have_the_area_of_their_polygons():
         points, triangles = revolution(start, end)
         mesh = pyvista.PolyData.from_regular_faces(points, triangles)
         assert mesh.area == pytest.approx(area)
-
-
-@pytest.mark.parametrize(
-    "axis", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (0.6, 0.0, -0.8), (1e-9, 0, -1)]
-)
-def test_a_turn_is_a_rotation_that_takes_z_to_the_axis(axis):
-    unit = np.array(axis, float) / np.linalg.norm(axis)
-    turn = turned_to(unit)
-    np.testing.assert_allclose(turn @ [0.0, 0.0, 1.0], unit, atol=1e-15)
-    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-14)
-    assert np.linalg.det(turn) == pytest.approx(1.0)
