@@ -10,18 +10,47 @@ import hashlib
 import io
 import json
 import os
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-MAGIC = b"TALUS-CHECKPOINT-1\n"
+MAGIC = b"TALUS-CHECKPOINT-2\n"
 PREVIOUS = ".previous"
+
+Record = TypeVar("Record")
 
 
 class BadCheckpoint(ValueError):
     """The file is truncated, altered, or of another kind; the text says which file."""
+
+
+class CheckpointWarning(UserWarning):
+    """A checkpoint that is there was not used; the text says which file and why."""
+
+
+def flat(prefix: str, record: Any) -> dict[str, NDArray[Any]]:
+    """The arrays of a NamedTuple, NamedTuples inside it included, under names that start with `prefix`."""
+    arrays: dict[str, NDArray[Any]] = {}
+    for name, value in record._asdict().items():
+        key = f"{prefix}_{name}"
+        arrays |= flat(key, value) if hasattr(value, "_asdict") else {key: np.asarray(value)}
+    return arrays
+
+
+def rebuilt(prefix: str, template: Record, arrays: Mapping[str, NDArray[Any]]) -> Record:
+    """A NamedTuple of the template's kind from the arrays that `flat` wrote."""
+    kind: Any = type(template)
+    fields: dict[str, Any] = template._asdict()  # type: ignore[attr-defined]
+    values = {}
+    for name, value in fields.items():
+        key = f"{prefix}_{name}"
+        values[name] = rebuilt(key, value, arrays) if hasattr(value, "_asdict") else arrays[key]
+    built: Record = kind(**values)
+    return built
 
 
 def save(path: Path, numbers: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
@@ -60,13 +89,29 @@ def load(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     return numbers, arrays
 
 
-def load_newest(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
-    """The newest whole checkpoint of `path` and the one before it; None when there is none."""
+def load_newest(
+    path: Path, identity: str | None = None
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
+    """The newest whole checkpoint of `path` and the one before it; None when there is none.
+
+    With `identity`, one of another case or of other code is passed over. A file that is there and is not used
+    is named in a CheckpointWarning.
+    """
     for candidate in (path, path.with_name(path.name + PREVIOUS)):
         try:
-            return load(candidate)
-        except (FileNotFoundError, BadCheckpoint):
+            numbers, arrays = load(candidate)
+        except FileNotFoundError:
             continue
+        except BadCheckpoint as error:
+            warnings.warn(f"checkpoint refused: {error}", CheckpointWarning, stacklevel=2)
+            continue
+        if identity is None or numbers.get("identity") == identity:
+            return numbers, arrays
+        warnings.warn(
+            f"checkpoint refused: {candidate.name} is of another case or of other code",
+            CheckpointWarning,
+            stacklevel=2,
+        )
     return None
 
 

@@ -6,6 +6,8 @@ cannot give a trustworthy number is a `SimulationError` with its class in `kind`
 
 from __future__ import annotations
 
+from pathlib import Path
+
 
 class InputError(ValueError):
     """A value outside its allowed range: `field`, `value` and `allowed` say which, what and why."""
@@ -24,9 +26,25 @@ class SimulationError(RuntimeError):
 
 
 class BlowUp(SimulationError):
-    """A number is no longer finite, or a particle moves or overlaps beyond what the model can mean."""
+    """A number is no longer finite, or a particle moves or overlaps beyond what the model can mean.
+
+    `particle` is its number, `time` the simulated s, `checkpoint` the last good one's path, None without one.
+    """
 
     kind = "blow_up"
+
+    def __init__(self, what: str, particle: int | None = None, time: float | None = None) -> None:
+        super().__init__(what)
+        self.what = what
+        self.particle = particle
+        self.time = time
+        self.checkpoint: Path | None = None
+
+    def __str__(self) -> str:
+        where = "" if self.particle is None else f"particle {self.particle} "
+        when = "" if self.time is None else f" at {self.time:.4f} s"
+        kept = "" if self.checkpoint is None else f"; the last good checkpoint is {self.checkpoint}"
+        return f"{where}{self.what}{when}{kept}"
 
 
 class NeverSettles(SimulationError):

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from demcore.allowed import positive, shares, within
 from demcore.errors import InputError
 
 
@@ -27,8 +28,7 @@ class SizeClass:
     mass_share: float
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.lower) and self.lower > 0.0):
-            raise InputError("sizes.lower", self.lower, "a positive diameter in m")
+        positive("sizes.lower", self.lower, "m")
         if not (math.isfinite(self.upper) and self.upper >= self.lower):
             raise InputError("sizes.upper", self.upper, f"at least the lower limit {self.lower:g} m")
         if not (math.isfinite(self.mass_share) and self.mass_share > 0.0):
@@ -51,9 +51,7 @@ class SizeDistribution:
     def __post_init__(self) -> None:
         if not self.classes:
             raise InputError("sizes", [], "at least one size class")
-        total = sum(c.mass_share for c in self.classes)
-        if abs(total - 1.0) > 1e-6:
-            raise InputError("sizes.mass_share", total, "shares that sum to 1")
+        shares("sizes.mass_share", [c.mass_share for c in self.classes])
         for before, after in zip(self.classes, self.classes[1:], strict=False):
             if after.lower < before.upper - 1e-12:
                 raise InputError("sizes.lower", after.lower, f"at least {before.upper:g} m, classes in order")
@@ -130,17 +128,22 @@ def cut_off(sizes: SizeDistribution, low: float, high: float) -> SizeDistributio
 
 @dataclass(frozen=True)
 class WallRestitution:
-    """The share of a material's mass that rebounds from steel with this restitution."""
+    """The share of a material's mass that rebounds from walls with this restitution."""
 
     value: float
-    mass_share: float
+    mass_share: float = 1.0
+
+    def __post_init__(self) -> None:
+        within("wall_restitution.value", self.value, 0.05, 1.0)
+        within("wall_restitution.mass_share", self.mass_share, 1e-6, 1.0)
 
 
 @dataclass(frozen=True)
 class Material:
-    """A granular material in SI units, with the repose angle that a calibration aims at.
+    """A granular material in SI units, with the repose angle that a calibration aims at (nan: none).
 
-    `packing_fraction` turns the published bulk density into a particle density (physics.md section 1, choice).
+    `packing_fraction` turns the published bulk density into a particle density (physics.md section 1, choice),
+    unless `grain_density` (kg/m3, of the particle itself) is given.
     """
 
     name: str
@@ -152,33 +155,51 @@ class Material:
     dynamic_friction_ratio: float
     wall_restitution: tuple[WallRestitution, ...]
     sizes: SizeDistribution
-    target_deg: float
-    window_deg: tuple[float, float]
+    target_deg: float = math.nan
+    window_deg: tuple[float, float] = (math.nan, math.nan)
     constraints: tuple[str, ...] = ()
+    grain_density: float | None = None
 
     def __post_init__(self) -> None:
-        _check("bulk_density", self.bulk_density, 1.0, 30_000.0, "kg/m3")
-        _check("packing_fraction", self.packing_fraction, 0.3, 0.74, "")
-        _check("youngs_modulus", self.youngs_modulus, 1e4, 1e12, "Pa")
-        _check("poisson_ratio", self.poisson_ratio, 0.0, 0.5, "")
-        _check("long_term_damping", self.long_term_damping, 0.0, 2.0, "")
-        _check("dynamic_friction_ratio", self.dynamic_friction_ratio, 0.0, 1.0, "")
-        for mix in self.wall_restitution:
-            _check("wall_restitution.value", mix.value, 0.05, 1.0, "")
-            _check("wall_restitution.mass_share", mix.mass_share, 1e-6, 1.0, "")
-        total = sum(mix.mass_share for mix in self.wall_restitution)
-        if abs(total - 1.0) > 1e-6:
-            raise InputError("wall_restitution.mass_share", total, "shares that sum to 1")
+        if not self.name:
+            raise InputError("material.name", self.name, "a name")
+        within("bulk_density", self.bulk_density, 1.0, 30_000.0, "kg/m3")
+        within("packing_fraction", self.packing_fraction, 0.3, 0.74)
+        within("youngs_modulus", self.youngs_modulus, 1e4, 1e12, "Pa")
+        within("poisson_ratio", self.poisson_ratio, 0.0, 0.5)
+        within("long_term_damping", self.long_term_damping, 0.0, 2.0)
+        within("dynamic_friction_ratio", self.dynamic_friction_ratio, 0.0, 1.0)
+        if self.grain_density is not None:
+            within("grain_density", self.grain_density, self.bulk_density, 30_000.0, "kg/m3")
+        shares("wall_restitution.mass_share", [mix.mass_share for mix in self.wall_restitution])
 
     @property
     def particle_density(self) -> float:
-        """kg/m3: bulk density over packing fraction."""
-        return self.bulk_density / self.packing_fraction
+        """kg/m3: as given, else bulk density over packing fraction."""
+        return self.bulk_density / self.packing_fraction if self.grain_density is None else self.grain_density
+
+    def coarse_grained(self, scale: float) -> Material:
+        """The same material in particles `scale` times as large."""
+        return replace(self, sizes=coarse_grain(self.sizes, scale))
 
 
-def _check(field: str, value: float, lower: float, upper: float, unit: str) -> None:
-    if not (math.isfinite(value) and lower <= value <= upper):
-        raise InputError(field, value, f"{lower:g} to {upper:g} {unit}".rstrip())
+@dataclass(frozen=True)
+class MixPart:
+    """The share of a mix's mass that is this material."""
+
+    material: str
+    mass_share: float = 1.0
+
+
+def check_mix(field: str, parts: tuple[MixPart, ...]) -> None:
+    """Raises InputError for an empty mix, a material named twice, or shares that do not sum to 1."""
+    names = [part.material for part in parts]
+    if not names:
+        raise InputError(field, parts, "at least one material")
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(field, name, "each material once")
+    shares(f"{field}.mass_share", [part.mass_share for part in parts])
 
 
 def _table() -> dict[str, dict[str, Any]]:

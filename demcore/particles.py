@@ -8,7 +8,8 @@ material (N,) int32: row of the material tables; number (N,) int64: the particle
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,3 +50,15 @@ def spheres(
     state[:, I] = 0.4 * mass * state[:, R] ** 2
     kinds = np.ones(count, np.int32) if material is None else np.asarray(material, np.int32)
     return Particles(state, np.zeros((count, 6)), kinds, np.arange(count))
+
+
+def nothing() -> Particles:
+    """No particles."""
+    return spheres(np.zeros((0, 3)), np.zeros(0), 1.0)
+
+
+def join(there: Particles, fresh: Particles, first_number: int) -> Particles:
+    """Both, the fresh ones after the others and numbered from `first_number` on."""
+    named = fresh._replace(number=first_number + np.arange(len(fresh.number)))
+    pairs: Iterable[tuple[Any, Any]] = zip(there, named, strict=True)
+    return Particles(*(np.concatenate(pair) for pair in pairs))

@@ -6,20 +6,27 @@ same bits (checkpoint.py).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from demcore.case import MaterialTable
+from demcore.checkpoint import flat, rebuilt
 from demcore.contact.model import ContactModel
+from demcore.departures import DepartureLog
 from demcore.errors import BlowUp
 from demcore.forces import Neighbours, touching_contacts
 from demcore.geometry.motion import next_change, place_walls
+from demcore.geometry.wall_arrays import replace_wall
 from demcore.geometry.wall_rows import Walls
+from demcore.geometry.walls import Wall
 from demcore.integrator import advance_serial, advance_threaded
+from demcore.interaction import MaterialTable
 from demcore.neighbours import empty_neighbours, search
-from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z
+from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z, join
+from demcore.region import Box
 from demcore.wall_list import WallList, empty_wall_list
 from demcore.wall_search import find_crossing, find_inside, find_racing_wall, list_walls, wall_label
 from demcore.wrench import OVERLAP, material_tables
@@ -29,12 +36,17 @@ GRAVITY = (0.0, 0.0, -9.81)
 SKIN = 0.5
 # The contact laws mean nothing beyond an overlap of this share of the smaller radius.
 LARGEST_OVERLAP = 0.5
+# Nor for a particle that goes farther than this share of its radius in one step: it would jump over contacts.
+LARGEST_WAY = 0.5
+
+STORED_NUMBERS = ("step", "searches", "particle_steps", "stale", "next_number")
 
 
 @dataclass
 class Simulation:
-    """A bed of particles between walls. `dt` s; particles below `floor` (z, m) or beyond `reach` (|x|, |y|)
-    leave, and are logged in `left`: (number, step) rows at the search that noticed."""
+    """A bed of particles between walls. `dt` s. Particles outside the `domain`, below `floor` (z, m) or beyond
+    `reach` (|x|, |y|) leave, and are logged in `left` by the search that noticed. `skin` (m) 0: of the smallest
+    particle there is; say it when smaller ones come later. Particles keep their numbers for life."""
 
     particles: Particles
     walls: Walls
@@ -44,18 +56,21 @@ class Simulation:
     gravity: NDArray[np.float64] = field(default_factory=lambda: np.array(GRAVITY))
     floor: float = -np.inf
     reach: float = np.inf
+    domain: Box | None = None
     threaded: bool = False
     skin: float = 0.0
     step: int = 0
     searches: int = 0
+    particle_steps: int = 0
     neighbours: Neighbours = field(default_factory=lambda: empty_neighbours(0))
     near_walls: WallList = field(default_factory=empty_wall_list)
     wall_names: tuple[str, ...] = ()
     stale: bool = True
-    left: list[tuple[int, int]] = field(default_factory=list)
+    left: DepartureLog = field(default_factory=DepartureLog)
 
     def __post_init__(self) -> None:
         self._tables = material_tables(*self.table.arrays())
+        self.next_number = int(self.particles.number.max(initial=-1)) + 1
         if not self.skin:
             self.skin = SKIN * float(self.particles.state[:, R].min())
         if self.neighbours.slab_start[-1] != len(self.particles.number):
@@ -98,21 +113,32 @@ class Simulation:
                 self.skin,
             )
             self.step += int(made)
+            self.particle_steps += int(made) * self.count
             self.stale = self.stale or self.step == change
             self._check_crossing()
 
+    def add(self, born: Particles) -> None:
+        """Particles that come now, at rest in no contact; numbered on from the last one ever."""
+        self.particles = join(self.particles, born, self.next_number)
+        self.next_number += len(born.number)
+        # They have no partners until the search that comes next, which reads their rows here.
+        slabs = self.neighbours.slab_start.copy()
+        slabs[-1] = self.count
+        self.neighbours = self.neighbours._replace(slab_start=slabs)
+        self.stale = True
+
+    def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper corner of where particles may be, m."""
+        lower = np.array([-self.reach, -self.reach, self.floor])
+        upper = np.array([self.reach, self.reach, np.inf])
+        if self.domain is not None:
+            lower = np.maximum(lower, self.domain.lower)
+            upper = np.minimum(upper, self.domain.upper)
+        return lower, upper
+
     def _search(self) -> None:
-        state = self.particles.state
-        bad = ~np.isfinite(state).all(axis=1)
-        if bad.any():
-            number = int(self.particles.number[np.flatnonzero(bad)[0]])
-            raise BlowUp(f"particle {number} is no longer finite at {self.time:.4f} s")
-        keep = (
-            (state[:, Z] >= self.floor)
-            & (np.abs(state[:, X]) <= self.reach)
-            & (np.abs(state[:, X + 1]) <= self.reach)
-        )
-        self.left += [(int(number), self.step) for number in self.particles.number[~keep]]
+        self.check_motion()
+        keep = self.left.note(self.particles, self.step, *self._bounds())
         self.particles, self.neighbours, order = search(
             self.particles, self.neighbours, self._tables, self.skin, keep, self.threaded
         )
@@ -127,40 +153,72 @@ class Simulation:
         crossing = find_crossing(self.near_walls, self.particles)
         if crossing is not None:
             wall = wall_label(self.wall_names, crossing.wall)
-            raise BlowUp(f"particle {crossing.particle} went through {wall} at {self.time:.6g} s")
+            raise BlowUp(f"went through {wall}", crossing.particle, self.time)
 
     def _check_walls(self) -> None:
         """Raises BlowUp for a wall that appears in a particle, and for one too fast to be met."""
         inside = find_inside(self.near_walls, self.particles, self.walls, self.step, self.dt)
         if inside is not None:
             wall = wall_label(self.wall_names, inside.wall)
-            raise BlowUp(f"particle {inside.particle} is where {wall} appears at {self.time:.6g} s")
+            raise BlowUp(f"is where {wall} appears", inside.particle, self.time)
         smallest = float(self.particles.state[:, R].min(initial=np.inf))
         racing = find_racing_wall(self.walls, smallest, self.dt)
         if racing is not None:
             wall = wall_label(self.wall_names, racing)
-            raise BlowUp(f"{wall} moves more than half the smallest radius in one step at {self.time:.6g} s")
+            raise BlowUp(f"{wall} moves more than half the smallest radius in one step", time=self.time)
+
+    def check(self) -> None:
+        """Raises BlowUp for a bed that is no longer sound: numbers, motion, overlaps."""
+        self.check_motion()
+        self.check_overlaps()
+
+    def check_motion(self) -> None:
+        """Raises BlowUp for a number that is not finite and for one that moves LARGEST_WAY radii in a step."""
+        state = self.particles.state
+        bad = ~np.isfinite(state).all(axis=1)
+        if bad.any():
+            raise BlowUp("is no longer finite", self._name(int(bad.argmax())), self.time)
+        way = (state[:, VX : VZ + 1] ** 2).sum(axis=1) * self.dt**2
+        wild = way > (LARGEST_WAY * state[:, R]) ** 2
+        if wild.any():
+            k = int(wild.argmax())
+            speed = float(np.sqrt((state[k, VX : VZ + 1] ** 2).sum()))
+            what = f"moves at {speed:.3g} m/s, more than half its radius in a step,"
+            raise BlowUp(what, self._name(k), self.time)
+
+    def _name(self, row: int) -> int:
+        return int(self.particles.number[row])
 
     def check_overlaps(self) -> float:
-        """Largest overlap over the owner's radius; raises BlowUp above LARGEST_OVERLAP."""
-        if self.stale or self.count == 0:
-            return 0.0
-        owner, partner, history = touching_contacts(self.neighbours)
-        radius = self.particles.state[:, R]
-        share = history[:, OVERLAP] / np.minimum(radius[owner], radius[partner])
+        """Largest overlap of listed pairs over the smaller radius; raises BlowUp above LARGEST_OVERLAP."""
+        lists, state = self.neighbours, self.particles.state
+        contacts, near = touching_contacts(lists), slice(0, lists.near_start[-1])
+        owner = np.concatenate([contacts.owner, lists.near_owner[near]])
+        partner = np.concatenate([contacts.partner, lists.near_partner[near]])
+        between = state[owner, X : Z + 1] - state[partner, X : Z + 1]
+        a, b = state[owner, R], state[partner, R]
+        share = (a + b - np.sqrt((between**2).sum(axis=1))) / np.minimum(a, b)
         worst = float(share.max(initial=0.0))
         if worst > LARGEST_OVERLAP:
             k = int(share.argmax())
-            number = int(self.particles.number[owner[k]])
-            raise BlowUp(
-                f"particle {number} overlaps its neighbour by {worst:.0%} of the radius at {self.time:.4f} s"
-            )
+            what = f"overlaps its neighbour by {worst:.0%} of the radius"
+            raise BlowUp(what, self._name(int(owner[k])), self.time)
         return worst
+
+    def replace_wall(self, index: int, wall: Wall) -> None:
+        """Another motion, belt or lifetime for a wall from now on; what touched it keeps its history."""
+        replace_wall(self.walls, index, wall, self.time)
+        self.stale = True
 
     def remove_wall(self, index: int) -> None:
         """Let a wall vanish now; its number stays taken, so that histories of the others keep their keys."""
         self.walls.window[index, 1] = self.time
         self.stale = True
+
+    @property
+    def mass(self) -> float:
+        """kg of all particles there."""
+        return float(self.particles.state[:, M].sum())
 
     @property
     def kinetic_energy(self) -> float:
@@ -173,3 +231,29 @@ class Simulation:
                 + s[:, I] * (s[:, WX : WZ + 1] ** 2).sum(axis=1)
             ).sum()
         )
+
+    def stored(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Numbers and arrays that a checkpoint keeps; the rest comes from the case."""
+        numbers = {name: getattr(self, name) for name in STORED_NUMBERS}
+        arrays: dict[str, NDArray[Any]] = {}
+        for prefix, record in self._records().items():
+            arrays |= flat(prefix, record)
+        return numbers, arrays
+
+    def restore(self, numbers: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take over what `stored` kept."""
+        for name in STORED_NUMBERS:
+            setattr(self, name, numbers[name])
+        found = {prefix: rebuilt(prefix, record, arrays) for prefix, record in self._records().items()}
+        self.particles, self.neighbours = found["particles"], found["neighbours"]
+        self.walls, self.near_walls = found["walls"], found["near_walls"]
+        self.left.restore(found["left"])
+
+    def _records(self) -> dict[str, Any]:
+        return {
+            "particles": self.particles,
+            "neighbours": self.neighbours,
+            "walls": self.walls,
+            "near_walls": self.near_walls,
+            "left": self.left.all(),
+        }

@@ -14,10 +14,11 @@ from typing import Any
 from demcore.errors import Cancelled
 from demcore.experiments.pile_case import ContactParameters, PileTest
 from demcore.experiments.pile_result import PileResult
-from demcore.experiments.pile_test import Progress, run_pile_test
+from demcore.experiments.pile_test import run_pile_test
 from demcore.material import load_material
 from demcore.picture import draw_pile
 from demcore.rig import load_rig
+from demcore.run import Progress
 from service.domain.outcome import PileMeasurement, StoredArtifact
 from service.domain.search_space import PARAMETERS
 from service.settings import Settings

@@ -131,7 +131,8 @@ def _run(test: PileTest, arguments: argparse.Namespace, path: Path) -> PileResul
     import numba
 
     from demcore.commands.progress_bar import ProgressBar
-    from demcore.experiments.pile_test import Progress, run_pile_test
+    from demcore.experiments.pile_test import run_pile_test
+    from demcore.run import Progress
 
     numba.set_num_threads(arguments.threads)
     with ProgressBar() as bar, stop_signals() as stopped:

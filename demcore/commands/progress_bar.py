@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 
-from demcore.experiments.pile_test import Progress
+from demcore.run import Progress
 
 
 class ProgressBar:

@@ -5,16 +5,40 @@ Importable without numba.
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
-from demcore.case import Interaction, MaterialTable, Stiffness
+from demcore.allowed import choice, natural, positive, within
+from demcore.case import Case, Numerics
+from demcore.charge import Fill
 from demcore.errors import InputError
-from demcore.material import Material, coarse_grain
+from demcore.geometry.walls import Wall
+from demcore.interaction import (
+    GrainContact,
+    Interaction,
+    Interactions,
+    MaterialTable,
+    Stiffness,
+    Surface,
+    WallContact,
+    compose_table,
+)
+from demcore.material import Material, MixPart
+from demcore.region import Box, cylinder
 from demcore.rig import Rig
-from demcore.time_step import PRESETS, time_step
+from demcore.time_step import PRESETS
+
+# Particles are forgotten so far below the base, m, and so many base radii from its axis.
+FLOOR = -0.1
+REACH = 4.0
+# The cylinder's wall goes on upwards to hold a column of so little solid while it falls in.
+LOOSEST = 0.15
+# A bed that does not rest in so many seconds after it has fallen in, or after the cylinder went, gives no angle.
+LONGEST_SETTLE = 4.0
+LONGEST_DISCHARGE = 12.0
+STEEL = "steel"
+CYLINDER = 1
 
 
 @dataclass(frozen=True)
@@ -33,15 +57,14 @@ class ContactParameters:
             ("particle_particle_restitution", 0.05, 1.0),
             ("rolling_resistance", 0.0, 10.0),
         ):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and lower <= value <= upper):
-                raise InputError(name, value, f"{lower:g} to {upper:g}")
+            within(name, getattr(self, name), lower, upper)
 
 
 @dataclass(frozen=True)
 class PileTest:
     """One virtual experiment. `scale` multiplies the sizes, `fill_level` the filled height of the cylinder;
-    `time_step` is a preset, `time_step_factor` shortens it after a blow-up."""
+    `time_step` is a preset, `time_step_factor` shortens it after a blow-up. The cylinder vanishes at once, or
+    rises at `lift_speed` (m/s)."""
 
     material: Material
     rig: Rig
@@ -51,16 +74,17 @@ class PileTest:
     fill_level: float = 1.0
     time_step: str = "fast"
     time_step_factor: float = 1.0
+    lift_speed: float | None = None
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.scale) and 0.1 <= self.scale <= 20.0):
-            raise InputError("scale", self.scale, "0.1 to 20")
-        if not (math.isfinite(self.fill_level) and 0.05 <= self.fill_level <= 1.0):
-            raise InputError("fill_level", self.fill_level, "0.05 to 1")
-        if self.time_step not in PRESETS:
-            raise InputError("time_step", self.time_step, " or ".join(PRESETS))
-        if not 0.0 < self.time_step_factor <= 1.0:
-            raise InputError("time_step_factor", self.time_step_factor, "more than 0, at most 1")
+        within("scale", self.scale, 0.1, 20.0)
+        within("fill_level", self.fill_level, 0.05, 1.0)
+        choice("time_step", self.time_step, PRESETS)
+        positive("time_step_factor", self.time_step_factor, "1 or less")
+        within("time_step_factor", self.time_step_factor, 0.0, 1.0)
+        natural("seed", self.seed)
+        if self.lift_speed is not None:
+            within("lift_speed", self.lift_speed, 0.001, 10.0, "m/s")
         largest = self.material.sizes.largest * self.scale
         if largest > self.rig.cylinder_radius:
             raise InputError(
@@ -72,51 +96,74 @@ class PileTest:
 
     @property
     def dt(self) -> float:
-        """Time step, s, for the smallest particles and the smallest restitution in the test."""
-        sizes = coarse_grain(self.material.sizes, self.scale)
-        restitution = min(
-            self.parameters.particle_particle_restitution, *(m.value for m in self.material.wall_restitution)
+        """Time step, s, for the stiffest, lightest pair in the test."""
+        return self.case.dt
+
+    @property
+    def column_height(self) -> float:
+        """m, that the loosest column of the fill may need."""
+        solid = self.filled_kg / self.material.particle_density
+        area = math.pi * self.rig.cylinder_radius**2
+        return solid / (LOOSEST * area) + 4.0 * self.material.sizes.largest * self.scale
+
+    @property
+    def filled_kg(self) -> float:
+        """Mass to fill: bulk density times the cylinder's volume times the fill level."""
+        volume = math.pi * self.rig.cylinder_radius**2 * self.rig.cylinder_height * self.fill_level
+        return self.material.bulk_density * volume
+
+    @property
+    def fall_seconds(self) -> float:
+        """s, that the highest particle of the loosest column falls at most."""
+        return math.sqrt(2.0 * self.column_height / 9.81)
+
+    @property
+    def lift_seconds(self) -> float:
+        """s, until a lifted cylinder is clear of everything at the latest; 0 when it vanishes at once."""
+        return 0.0 if self.lift_speed is None else self.column_height / self.lift_speed
+
+    @cached_property
+    def case(self) -> Case:
+        """The test as a case: a base, a cylinder that goes on upwards, and the column to fall into it."""
+        top, radius, reach = self.column_height, self.rig.cylinder_radius, REACH * self.rig.base_radius
+        case = Case(
+            grains=(self.material.coarse_grained(self.scale),),
+            interactions=interactions(self.material, self.parameters),
+            duration=self.fall_seconds + LONGEST_SETTLE + self.lift_seconds + LONGEST_DISCHARGE + 1.0,
+            walls=(Wall("disc", radius=self.rig.base_radius), Wall("cylinder", radius=radius, length=top)),
+            fills=(
+                Fill(cylinder((0.0, 0.0, 0.0), radius, top), (MixPart(self.material.name),), self.filled_kg),
+            ),
+            domain=Box((-reach, -reach, FLOOR), (reach, reach, math.inf)),
+            numerics=Numerics(time_step=self.time_step),
+            seed=self.seed,
         )
-        step = time_step(
-            sizes.smallest,
-            self.material.particle_density,
-            self.material.youngs_modulus,
-            restitution,
-            self.time_step,
-        )
-        return step * self.time_step_factor
+        if self.time_step_factor == 1.0:
+            return case
+        return replace(case, time_step=case.largest_time_step * self.time_step_factor)
 
     @property
     def diameters_across_base(self) -> float:
         """Mean diameters along the base radius: below 12 the angle feels the particles (physics.md 4)."""
         return self.rig.base_radius / (self.material.sizes.mean_diameter * self.scale)
 
-    def identity(self) -> str:
-        """JSON of every input: a checkpoint of another test is not resumed."""
-        return json.dumps(dataclasses.asdict(self), sort_keys=True)
 
-
-def material_table(material: Material, parameters: ContactParameters) -> MaterialTable:
-    """Row 0 the walls, one row of grains per wall restitution; dynamic friction is a share of static."""
-    p, ratio = parameters, material.dynamic_friction_ratio
+def interactions(material: Material, parameters: ContactParameters) -> Interactions:
+    """The paper's four numbers as contacts; dynamic friction is the material's share of the static one, and
+    walls are as stiff as the grains."""
+    p, ratio, name = parameters, material.dynamic_friction_ratio, material.name
     grains = Interaction(
         p.particle_particle_restitution,
         p.particle_particle_static_friction,
         ratio * p.particle_particle_static_friction,
         p.rolling_resistance,
     )
-    steel = [
-        Interaction(
-            mix.value,
-            p.particle_wall_static_friction,
-            ratio * p.particle_wall_static_friction,
-            p.rolling_resistance,
-        )
-        for mix in material.wall_restitution
-    ]
-    rows = len(steel) + 1
-    table = [[grains] * rows for _ in range(rows)]
-    for k, contact in enumerate(steel, start=1):
-        table[0][k] = table[k][0] = contact
+    wall_friction = p.particle_wall_static_friction
+    steel = WallContact(name, STEEL, wall_friction, ratio * wall_friction, p.rolling_resistance)
     stiffness = Stiffness(material.youngs_modulus, material.poisson_ratio)
-    return MaterialTable((stiffness,) * rows, tuple(tuple(row) for row in table))
+    return Interactions((GrainContact(name, name, grains),), (steel,), (Surface(STEEL, stiffness),))
+
+
+def material_table(material: Material, parameters: ContactParameters) -> MaterialTable:
+    """Row 0 the walls, one row of grains per wall restitution."""
+    return compose_table((material,), interactions(material, parameters), (STEEL,))

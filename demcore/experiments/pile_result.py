@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from demcore.case_run import CaseRun
 from demcore.errors import NoResult
 from demcore.experiments.pile_case import PileTest
-from demcore.experiments.pile_run import PileRun
+from demcore.experiments.pile_run import PilePlan
 from demcore.observables.repose_angle import (
     AngleReading,
     HeapProfile,
@@ -24,6 +25,7 @@ from demcore.observables.repose_angle import (
 )
 from demcore.output.spheres import write_spheres
 from demcore.particles import VX, VZ, Floats, M, R, X, Z
+from demcore.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,7 @@ class PileResult:
             "scale": t.scale,
             "seed": t.seed,
             "fill_level": t.fill_level,
+            "lift_speed_m_s": t.lift_speed,
             "time_step_preset": t.time_step,
             "diameters_across_base_radius": t.diameters_across_base,
             "parameters": dataclasses.asdict(t.parameters),
@@ -114,9 +117,9 @@ class PileResult:
         )
 
 
-def measure_pile(run: PileRun) -> PileResult:
+def measure_pile(test: PileTest, run: CaseRun, plan: PilePlan) -> PileResult:
     """Read the pile of a finished run. Raises NoResult when the base holds nothing to measure."""
-    s, test = run.simulation, run.test
+    s = run.simulation
     base = test.rig.base_radius
     state = s.particles.state
     on = (np.hypot(state[:, X], state[:, X + 1]) < base) & (state[:, Z] > 0.0)
@@ -128,18 +131,18 @@ def measure_pile(run: PileRun) -> PileResult:
     literal, few = literal_reading(position, base, test.rig.circular_sectors, test.rig.radial_sectors)
     numbers = {
         "mass_on_base_kg": float(state[:, M].sum()),
-        "mass_filled_kg": float(run.initial[:, 1].sum()),
-        "fill_height_m": run.fill_height,
+        "mass_filled_kg": run.filled_kg,
+        "fill_height_m": plan.fill_height,
         "apex_height_m": float(field.height.max()),
-        "discharge_t90_s": _discharge_time(run, 0.9),
-        "particles_filled": len(run.initial),
+        "discharge_t90_s": _discharge_time(s, plan.removed_at, 0.9),
+        "particles_filled": run.filled,
         "particles_on_base": int(on.sum()),
         "simulated_s": s.time,
-        "settled_at_s": run.removed_at * s.dt,
+        "settled_at_s": plan.removed_at * s.dt,
         "time_step_s": s.dt,
         "steps": s.step,
         "neighbour_searches": s.searches,
-        "particle_steps": run.particle_steps,
+        "particle_steps": s.particle_steps,
     }
     return PileResult(
         test,
@@ -156,11 +159,11 @@ def measure_pile(run: PileRun) -> PileResult:
     )
 
 
-def _discharge_time(run: PileRun, share: float) -> float:
+def _discharge_time(simulation: Simulation, removed_at: int, share: float) -> float:
     """Seconds after removal until `share` of all mass that left had left."""
-    if not run.simulation.left:
+    left = simulation.left.all()
+    if len(left.mass) == 0:
         return 0.0
-    left = np.array(run.simulation.left)
-    mass = np.cumsum(run.initial[left[:, 0], 1])
-    k = int(np.searchsorted(mass, share * mass[-1]))
-    return float((left[min(k, len(left) - 1), 1] - run.removed_at) * run.simulation.dt)
+    mass = np.cumsum(left.mass)
+    k = min(int(np.searchsorted(mass, share * mass[-1])), len(mass) - 1)
+    return float((left.step[k] - removed_at) * simulation.dt)

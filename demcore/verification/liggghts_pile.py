@@ -63,7 +63,7 @@ def make_pile(seed: int) -> tuple[float, float, float]:
     state = s.particles.state
     state = state[(np.hypot(state[:, X], state[:, X + 1]) < BASE_RADIUS) & (state[:, Z] > 0.0)]
     angle = surface_scan(scan_heights(state[:, X : Z + 1], state[:, R], BASE_RADIUS), BASE_RADIUS)
-    steps = sorted(step - removed for _, step in s.left)
+    steps = [int(step) - removed for step in s.left.all().step]
     t90 = steps[int(0.9 * len(steps))] * DT
     return angle.mean, float(state[:, M].sum()), t90
 

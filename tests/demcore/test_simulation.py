@@ -109,7 +109,7 @@ def test_particles_below_the_floor_are_forgotten_and_logged():
     s.floor = -0.1
     s.advance(int(0.5 / s.dt))
     assert s.count == 0
-    assert sorted(number for number, _ in s.left) == list(range(100))
+    assert sorted(s.left.all().number) == list(range(100))
 
 
 def test_a_number_that_is_not_finite_stops_the_run_with_its_particle():

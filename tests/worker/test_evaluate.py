@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from demcore.experiments.pile_case import PileTest
-from demcore.experiments.pile_test import Progress
+from demcore.run import Progress
 from service.db.queries import Lease
 from service.domain.search_space import SearchSpace, Variable
 from service.domain.states import JobKind
