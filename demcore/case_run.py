@@ -7,8 +7,8 @@ never by the clock; so a run gives the same bits however it is cut into chunks, 
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 

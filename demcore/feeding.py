@@ -81,9 +81,7 @@ class Feeder:
         flight = 2.0 * smallest / (speed + math.sqrt(speed * speed + 2.0 * fall * smallest) + 1e-300)
         return min(flight, LONGEST_INTERVAL)
 
-    def births(
-        self, step: int, dt: float, bed: Particles, walls: Walls, gravity: Floats
-    ) -> Particles | None:
+    def births(self, step: int, dt: float, bed: Particles, walls: Walls, gravity: Floats) -> Particles | None:
         """Particles that come at this step, None when none does; their numbers are the caller's business.
 
         A particle that was due since the last round is born where it has flown to; one that waited starts at

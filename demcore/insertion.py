@@ -14,17 +14,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from demcore.errors import InputError
 from demcore.contact.model import Vec3
+from demcore.errors import InputError
 from demcore.geometry.motion import is_present, to_body
 from demcore.geometry.surfaces import triangle_distance
 from demcore.geometry.triangle_tree import LEAF, following, next_leaf
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.wall_rows import TRIANGLES, Walls
-from demcore.wall_forces import wall_distance
 from demcore.jit import kernel, leaf
 from demcore.particles import Floats
 from demcore.region import Box, Region, cylinder
+from demcore.wall_forces import wall_distance
 
 LOOSE_FRACTION = 0.28
 # A region counts as full when a particle finds no place in so many tries.
@@ -219,8 +219,8 @@ def fill_region(
 ) -> Floats:
     """Positions (N, 3), m, for spheres of radii (N,) inside a region, as low as they find room.
 
-    None overlaps another, one of those there already (`taken_*`), or a wall that is there at the start. Raises InputError when the region
-    cannot hold them loosely, and says how many it does hold.
+    None overlaps another, one of those there already (`taken_*`), or a wall that is there at the start. Raises
+    InputError when the region cannot hold them loosely, and says how many it does hold.
     """
     place, size = _near(region, float(radius.max()), taken_position, taken_radius)
     order = np.argsort(-radius, kind="stable")
@@ -233,7 +233,9 @@ def fill_region(
     while True:
         position = np.concatenate([place, np.zeros((len(radius), 3))])
         cells = _empty_cells(region, top, sizes)
-        found = place_spheres(kind, shape, top, position, sizes, len(size), walls, present, cells, seed) - len(size)
+        found = place_spheres(
+            kind, shape, top, position, sizes, len(size), walls, present, cells, seed
+        ) - len(size)
         if found == len(radius):
             break
         if top >= region.top:

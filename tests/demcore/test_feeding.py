@@ -12,11 +12,11 @@ from demcore.case_run import CaseRun
 from demcore.charge import Feed
 from demcore.errors import InputError
 from demcore.feeding import Feeder
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.interaction import grain_rows
 from demcore.material import MixPart, SizeClass, SizeDistribution
 from demcore.particles import VX, VZ, M, R, X, Z, nothing
 from demcore.region import DiscInlet, RectangleInlet
-from demcore.geometry.wall_arrays import wall_arrays
 from tests.demcore.cases import GRAVEL, SAND, a_case, a_feed
 
 GRAINS = (GRAVEL, SAND)

@@ -9,10 +9,10 @@ import pytest
 
 from demcore.errors import InputError
 from demcore.geometry.mesh import TriangleMesh
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.insertion import choose_places, fill_cylinder, fill_region
 from demcore.region import Box, Cone, cylinder
-from demcore.geometry.wall_arrays import wall_arrays
 
 NO_WALLS = wall_arrays([])
 NONE = np.zeros(0, bool)
@@ -78,18 +78,18 @@ def test_a_second_fill_keeps_clear_of_the_first_and_of_walls():
 
 
 def test_a_fill_keeps_clear_of_a_mesh():
-    # A square plate of two triangles across a box, turned out of the axes by its frame.
+    # A square plate of two triangles across a box.
     plate = TriangleMesh(
         np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]),
         np.array([[0, 1, 2], [0, 2, 3]]),
     )
-    walls = wall_arrays([Wall("mesh", (0.0, 0.0, 0.1), mesh=plate)])
+    walls = wall_arrays([Wall("mesh", (0.0, 0.0, 0.045), mesh=plate)])
     rng = np.random.default_rng(3)
     radius = rng.uniform(0.01, 0.02, 150)
     x = fill_region(Box((-0.2, -0.2, 0.0), (0.2, 0.2, 0.6)), radius, rng, walls)
-    assert (np.abs(x[:, 2] - 0.1) - radius).min() >= 0.0
-    assert (x[:, 2] < 0.1).sum() > 10
-    assert (x[:, 2] > 0.1).sum() > 10
+    assert (np.abs(x[:, 2] - 0.045) - radius).min() >= 0.0
+    assert (x[:, 2] < 0.045).sum() > 10
+    assert (x[:, 2] > 0.045).sum() > 10
 
 
 def test_a_wall_that_comes_later_takes_no_room():
@@ -118,4 +118,6 @@ def test_places_are_chosen_in_order_and_each_sees_those_before_it():
     position, size = np.zeros((3, 3)), np.zeros(3)
     assert choose_places(points, radius, position, size, 0, NO_WALLS, NONE, 9).tolist() == [0, 1, -1]
     solid = wall_arrays([Wall("plane", centre=(0.0, 0.0, 1.0))])
-    assert choose_places(points, radius, np.zeros((3, 3)), np.zeros(3), 0, solid, np.ones(1, bool), 2).tolist() == [-1, -1, -1]
+    assert choose_places(
+        points, radius, np.zeros((3, 3)), np.zeros(3), 0, solid, np.ones(1, bool), 2
+    ).tolist() == [-1, -1, -1]

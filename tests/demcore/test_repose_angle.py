@@ -67,3 +67,37 @@ def test_the_profile_of_a_cone_is_its_line():
     assert np.abs(profile.height - expected).max() < 0.004
     assert (profile.low <= profile.height + 1e-12).all()
     assert (profile.height <= profile.high + 1e-12).all()
+
+
+def heap_of_spheres(diameter: float, seed: int) -> np.ndarray:
+    """Centres of spheres, .6 solid, that fill a cone of 30 degrees on a base of 0.3 m radius up to its surface."""
+    rng = np.random.default_rng(seed)
+    base, slope = 0.3, math.tan(math.radians(30.0))
+    volume = math.pi * base**2 * base * slope / 3.0
+    count = int(0.6 * volume / (math.pi / 6.0 * diameter**3))
+    down = rng.random(count) ** (
+        1.0 / 3.0
+    )  # share of the way from the apex to the base, uniform in the volume
+    rho, angle = base * down * np.sqrt(rng.random(count)), 2.0 * math.pi * rng.random(count)
+    below = 0.5 * diameter * math.hypot(1.0, slope)
+    z = np.maximum(base * slope * (1.0 - down) - below, 0.5 * diameter)
+    return np.column_stack([rho * np.cos(angle), rho * np.sin(angle), z])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_literal_reading_comes_nearer_to_the_scan_as_grains_get_finer(seed):
+    # physics.md section 5: it sits 9 to 11 degrees low on a coarse pile and converges to the scan
+    gaps, few = [], []
+    for diameter in (0.020, 0.010, 0.006):
+        position = heap_of_spheres(diameter, seed)
+        field = scan_heights(position, np.full(len(position), diameter / 2.0), 0.3)
+        scan = surface_scan(field, 0.3).mean
+        reading, share = literal_reading(position, 0.3, 24, 30)
+        gaps.append(scan - reading.mean)
+        few.append(share)
+    assert scan == pytest.approx(30.0, abs=0.3)
+    assert gaps[0] > 5.0
+    assert gaps[1] < 0.6 * gaps[0]
+    assert 0.0 < gaps[2] < 1.2
+    assert few[0] > 0.3
+    assert few[2] < 0.01
