@@ -29,7 +29,7 @@ from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z, join
 from demcore.region import Box
 from demcore.wall_list import WallList, empty_wall_list
 from demcore.wall_search import find_crossing, find_inside, find_racing_wall, list_walls, wall_label
-from demcore.wrench import OVERLAP, material_tables
+from demcore.wrench import material_tables
 
 GRAVITY = (0.0, 0.0, -9.81)
 # Share of the smallest radius: longer lists against rarer searches; flat optimum between .2 and .5.

@@ -229,10 +229,9 @@ def spoil_state(simulation, column, value):
 
 
 def push_together(simulation):
-    """The first pair of the neighbour list, a millimetre apart."""
+    """The first pair that is near, a millimetre apart."""
     state, lists = simulation.particles.state, simulation.neighbours
-    owner = int(np.searchsorted(lists.start, 0, side="right")) - 1
-    state[owner, :3] = state[lists.partner[0], :3] + 1e-3
+    state[lists.near_owner[0], :3] = state[lists.near_partner[0], :3] + 1e-3
 
 
 def explode(run, change):
