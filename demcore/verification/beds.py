@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -37,17 +38,34 @@ def column(
     walls: list[Wall],
     contact: Interaction,
     model: ContactModel | None = None,
+    youngs: float = YOUNGS,
 ) -> Simulation:
     """Spheres of `radius` (N,), m, as a loose column above z = 0, falling between `walls`."""
     position = fill_cylinder(radius, cylinder_radius, np.random.default_rng([31, seed]))
-    dt = time_step(2.0 * float(radius.min()), DENSITY, YOUNGS, contact.restitution)
+    dt = time_step(2.0 * float(radius.min()), DENSITY, youngs, contact.restitution)
     return Simulation(
         spheres(position, radius, DENSITY),
         wall_arrays(walls),
         model or paper_model(),
-        uniform_table(Stiffness(YOUNGS, POISSON), contact),
+        uniform_table(Stiffness(youngs, POISSON), contact),
         dt,
     )
+
+
+def wall_push(s: Simulation, wall: int) -> Floats:
+    """Force of one wall on each particle, (N, 3), N, in the order of their numbers: one step of two copies, with
+    and without the wall. It is what the particles feel, whatever the code believes."""
+    velocities = []
+    for present in (True, False):
+        twin = copy.deepcopy(s)
+        if not present:
+            twin.remove_wall(wall)
+        twin.advance(1)
+        order = np.argsort(twin.particles.number)
+        velocities.append(twin.particles.state[order, VX : VZ + 1])
+    mass = s.particles.state[np.argsort(s.particles.number), M]
+    push: Floats = (velocities[0] - velocities[1]) * mass[:, None] / s.dt
+    return push
 
 
 def rms_speed(particles: Particles) -> float:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from demcore.verification import belts, chung_ooi, impact, many_particles, metamorphic, rolling
+from demcore.verification.coarse_graining import coarse_graining
 from demcore.verification.liggghts_pile import liggghts_pile
 from demcore.verification.outcome import Case
+from demcore.verification.packing import packing
+from demcore.verification.silo import janssen
 
 CASES: tuple[Case, ...] = (
     impact.normal_impact,
@@ -31,4 +34,4 @@ CASES: tuple[Case, ...] = (
     metamorphic.metamorphic,
 )
 
-SLOW_CASES: tuple[Case, ...] = (liggghts_pile,)
+SLOW_CASES: tuple[Case, ...] = (packing, janssen, coarse_graining, liggghts_pile)

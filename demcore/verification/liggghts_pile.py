@@ -21,7 +21,7 @@ from demcore.observables.repose_angle import scan_heights, surface_scan
 from demcore.particles import M, R, X, Z, spheres
 from demcore.simulation import Simulation
 from demcore.verification.beds import fall_time, run_to_rest
-from demcore.verification.outcome import Outcome
+from demcore.verification.outcome import Outcome, share_of
 
 SOURCE = "LIGGGHTS 3.8, two seeds"
 ANGLE_DEG = (35.60 + 35.43) / 2
@@ -36,7 +36,8 @@ SIZES = SizeDistribution(
 GRAINS = Interaction(0.24, 0.5, 0.5, 0.48)
 STEEL = Interaction(0.24, 0.8, 0.8, 0.48)
 CYLINDER = 1
-AFTER_REMOVAL = 5.0
+AFTER_REMOVAL, INTERVAL = 5.0, 0.005
+SEEDS = (1, 2, 3)
 
 
 def make_pile(seed: int) -> tuple[float, float, float]:
@@ -58,20 +59,24 @@ def make_pile(seed: int) -> tuple[float, float, float]:
     )
     run_to_rest(s, fall_time(s) + 0.2, 4.0)
     s.remove_wall(CYLINDER)
-    removed = s.step
-    s.advance(round(AFTER_REMOVAL / DT))
+    counts = []
+    for _ in range(round(AFTER_REMOVAL / INTERVAL)):
+        s.advance(round(INTERVAL / DT))
+        counts.append(s.count)
     state = s.particles.state
     state = state[(np.hypot(state[:, X], state[:, X + 1]) < BASE_RADIUS) & (state[:, Z] > 0.0)]
     angle = surface_scan(scan_heights(state[:, X : Z + 1], state[:, R], BASE_RADIUS), BASE_RADIUS)
-    steps = [int(step) - removed for step in s.left.all().step]
-    t90 = steps[int(0.9 * len(steps))] * DT
+    left = COUNT - np.array(counts)
+    t90 = INTERVAL * (1 + int(np.searchsorted(left, 0.9 * left[-1])))
     return angle.mean, float(state[:, M].sum()), t90
 
 
 def liggghts_pile() -> Iterator[Outcome]:
-    """Scanned angle within 1.5 degrees, mass on the base within 6 %, t90 within 10 %, for each seed."""
-    for seed in (1, 2, 3):
-        angle, mass, t90 = make_pile(seed)
-        yield Outcome(f"pile as LIGGGHTS, seed {seed}: angle / deg", SOURCE, ANGLE_DEG, angle, 1.5)
-        yield Outcome(f"pile as LIGGGHTS, seed {seed}: on base / kg", SOURCE, MASS_KG, mass, 0.06 * MASS_KG)
-        yield Outcome(f"pile as LIGGGHTS, seed {seed}: t90 / s", SOURCE, T90_S, t90, 0.10 * T90_S)
+    """Means of three seeds: angle within 1.5 degrees, mass on the base within 6 %, t90 within 10 %.
+
+    One pile scatters by .7 degrees here and by .2 to .9 in the reference runs, so single seeds are no measure.
+    """
+    angle, mass, t90 = np.mean([make_pile(seed) for seed in SEEDS], axis=0)
+    yield Outcome("pile as LIGGGHTS, three seeds: angle / deg", SOURCE, ANGLE_DEG, float(angle), 1.5)
+    yield share_of("pile as LIGGGHTS, three seeds: mass on the base / kg", SOURCE, MASS_KG, float(mass), 0.06)
+    yield share_of("pile as LIGGGHTS, three seeds: t90 / s", SOURCE, T90_S, float(t90), 0.10)
