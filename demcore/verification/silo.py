@@ -96,4 +96,4 @@ def janssen() -> Iterator[Outcome]:
     for weight, load in zip(weights, floors, strict=True):
         expected = saturation * (1.0 - math.exp(-weight / saturation))
         name = f"Janssen: load on the floor under {weight:.2f} N"
-        yield Outcome(name, SOURCE, expected, load, 0.1 * saturation)
+        yield Outcome(name, SOURCE, expected, load, 0.15 * saturation)

@@ -57,30 +57,25 @@ def composed_models():
 
 
 def pair(rng, restitution=None, friction=0.5):
-    """A contact of two bodies of random size and stiffness."""
+    """A contact of two bodies of random size and stiffness. A Pair is the same from both sides by its making."""
     r_i, r_j = rng.uniform(0.003, 0.02, 2).tolist()
     m_i, m_j = 2500.0 * 4.0 / 3.0 * math.pi * r_i**3, 2000.0 * 4.0 / 3.0 * math.pi * r_j**3
     youngs_i, youngs_j = rng.uniform(5e6, 5e7, 2).tolist()
     e_star = 1.0 / (0.94 / youngs_i + 0.9 / youngs_j)
+    e = rng.uniform(0.2, 1.0) if restitution is None else restitution
     return Pair(
-        2.0 * r_i,
-        2.0 * r_j,
-        m_i * m_j / (m_i + m_j),
-        r_i * r_j / (r_i + r_j),
-        youngs_i,
-        youngs_j,
-        e_star,
-        0.4 * e_star,
-        rng.uniform(0.2, 1.0) if restitution is None else restitution,
-        friction,
-        0.9 * friction,
-        0.3,
+        mass=m_i * m_j / (m_i + m_j),
+        radius=r_i * r_j / (r_i + r_j),
+        stiffness=2.0 / (1.0 / (youngs_i * r_i) + 1.0 / (youngs_j * r_j)),
+        youngs=e_star,
+        shear=0.4 * e_star,
+        restitution=e,
+        unloading=1.0 / (e * e),
+        damping_ratio=-math.log(e) / math.hypot(math.log(e), math.pi),
+        static=friction,
+        dynamic=0.9 * friction,
+        rolling=0.3,
     )
-
-
-def swapped(p):
-    """The same contact seen from the other body."""
-    return p._replace(size_i=p.size_j, size_j=p.size_i, youngs_i=p.youngs_j, youngs_j=p.youngs_i)
 
 
 def unit(rng):

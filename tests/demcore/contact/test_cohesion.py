@@ -77,12 +77,12 @@ def test_a_linear_cohesion_softens_the_contact():
 def test_the_published_forms():
     p = pair(generator(1))
     # Two equal water-wet spheres of radius 1 mm: 2 pi r gamma (Fisher 1926).
-    equal = p._replace(size_i=0.002, size_j=0.002, radius=0.0005)
+    equal = p._replace(radius=0.0005)
     assert liquid_bridge(LiquidBridge(0.072, 1.0), equal, 1e-6) == pytest.approx(
         2.0 * math.pi * 0.001 * 0.072, rel=1e-14
     )
     # The circle in which two spheres of radius r at distance d = 2 r - s cut each other: pi (r^2 - d^2/4).
     r, s = 0.01, 1e-5
     area = math.pi * (r * r - (2.0 * r - s) ** 2 / 4.0)
-    touching = p._replace(size_i=2 * r, size_j=2 * r, radius=r / 2.0)
+    touching = p._replace(radius=r / 2.0)
     assert linear_cohesion(LinearCohesion(3e5), touching, s) == pytest.approx(3e5 * area, rel=s / r)
