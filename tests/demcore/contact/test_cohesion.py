@@ -11,9 +11,10 @@ from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.contact.laws import paper_model
 from demcore.contact.linear_cohesion import LinearCohesion, linear_cohesion
 from demcore.contact.liquid_bridge import LiquidBridge, liquid_bridge
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.particles import spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from demcore.time_step import time_step
 from tests.demcore.contact.registered import generator, pair
 

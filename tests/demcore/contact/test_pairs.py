@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from demcore.case import Interaction, MaterialTable, Stiffness
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.particles import spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 from tests.demcore.contact.registered import across, composed_models, generator, unit
 
 MODELS = composed_models()

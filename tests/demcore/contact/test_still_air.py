@@ -12,8 +12,9 @@ from demcore.contact.laws import paper_model
 from demcore.contact.model import Body, Vec3
 from demcore.contact.still_air import StillAir, still_air
 from demcore.contact.vacuum import Vacuum, vacuum
+from demcore.geometry.wall_arrays import wall_arrays
 from demcore.particles import spheres
-from demcore.simulation import Simulation, wall_arrays
+from demcore.simulation import Simulation
 
 AIR = StillAir()
 OIL = StillAir(density=900.0, viscosity=1.0)
