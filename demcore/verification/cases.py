@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from demcore.verification import belts, chung_ooi, impact, many_particles, metamorphic, rolling
 from demcore.verification.coarse_graining import coarse_graining
+from demcore.verification.flow import beverloo
 from demcore.verification.liggghts_pile import liggghts_pile
 from demcore.verification.outcome import Case
 from demcore.verification.packing import packing
@@ -34,4 +35,4 @@ CASES: tuple[Case, ...] = (
     metamorphic.metamorphic,
 )
 
-SLOW_CASES: tuple[Case, ...] = (packing, janssen, coarse_graining, liggghts_pile)
+SLOW_CASES: tuple[Case, ...] = (packing, janssen, beverloo, coarse_graining, liggghts_pile)
