@@ -20,6 +20,7 @@ from demcore.experiments.paper_tables import TABLE_5
 from demcore.experiments.pile_case import ContactParameters, PileTest
 from demcore.material import Material, load_material, material_names
 from demcore.material_file import read_material
+from demcore.recorder import SeriesRecorder
 from demcore.rig import load_rig, rig_names
 from demcore.time_step import PRESETS
 
@@ -43,6 +44,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--restitution", type=float)
     run.add_argument("--rolling", type=float)
     run.add_argument("--time-step", default="fast", help="fast, paper, or a time with its unit, as 20us")
+    run.add_argument(
+        "--lift", metavar="SPEED", help="lift the cylinder, as 30mm/s (default: it vanishes at once)"
+    )
+    run.add_argument("--frames", default="50ms", help="simulated time between frames, or none (default 50ms)")
     run.add_argument("--threads", type=int, default=1)
     run.add_argument("--out", type=Path, default=Path("pile"), help="folder for the files")
     run.add_argument("--resume", action="store_true", help="continue from the checkpoint in --out")
@@ -55,16 +60,23 @@ def pile(arguments: argparse.Namespace) -> int:
     test = pile_test(arguments)
     check_threads(arguments.threads)
     check_at_least("checkpoint_seconds", arguments.checkpoint_seconds, 0.0)
+    interval = None if arguments.frames == "none" else parse_quantity("frames", arguments.frames, "time")
     with output_folder(arguments.out) as folder:
         path = folder / CHECKPOINT
         if not arguments.resume:
             checkpoint.discard(path)
         elif checkpoint.load_newest(path) is None:
             print(f"no checkpoint in {folder}: the run starts from its beginning", file=sys.stderr)
-        result = _run(test, arguments, path)
+        recorder = None if interval is None else SeriesRecorder(folder, interval)
+        result = _run(test, arguments, path, recorder)
         _write(result, folder)
+        if recorder is not None:
+            recorder.finish()
         checkpoint.discard(path)
-    _tell(result, folder)
+        if recorder is not None:
+            recorder.discard_journal()
+    series = "" if recorder is None else "; over time: spheres.vtkhdf, walls.vtkhdf"
+    _tell(result, folder, series)
     return 0
 
 
@@ -83,6 +95,7 @@ def pile_test(arguments: argparse.Namespace) -> PileTest:
         seed=arguments.seed,
         fill_level=arguments.fill_level,
         time_step=arguments.time_step if preset else "fast",
+        lift_speed=None if arguments.lift is None else parse_quantity("lift", arguments.lift, "speed"),
     )
     check_at_least("seed", test.seed, 0)
     return test if preset else with_time_step(test, arguments.time_step)
@@ -127,7 +140,9 @@ def check_threads(threads: int) -> None:
     check_threads(threads)
 
 
-def _run(test: PileTest, arguments: argparse.Namespace, path: Path) -> PileResult:
+def _run(
+    test: PileTest, arguments: argparse.Namespace, path: Path, recorder: SeriesRecorder | None
+) -> PileResult:
     import numba
 
     from demcore.commands.progress_bar import ProgressBar
@@ -141,7 +156,8 @@ def _run(test: PileTest, arguments: argparse.Namespace, path: Path) -> PileResul
             bar.show(progress)
             return not stopped
 
-        return run_pile_test(test, show, arguments.threads, path, arguments.checkpoint_seconds)
+        seconds = arguments.checkpoint_seconds
+        return run_pile_test(test, show, arguments.threads, path, seconds, recorder)
 
 
 @contextmanager
@@ -173,7 +189,7 @@ def _write(result: PileResult, folder: Path) -> None:
     (folder / "summary.json").write_text(text, encoding="utf-8")
 
 
-def _tell(result: PileResult, folder: Path) -> None:
+def _tell(result: PileResult, folder: Path, series: str) -> None:
     summary, test = result.summary(), result.test
     rate = summary["particle_steps"] / max(summary["wall_s"], 1e-9)
     print(
@@ -183,5 +199,5 @@ def _tell(result: PileResult, folder: Path) -> None:
         f"{summary['particles_on_base']} of {summary['particles_filled']} particles\n"
         f"simulated {summary['simulated_s']:.2f} s in {summary['wall_s']:.1f} s, {rate:.2e} particle-steps/s, "
         f"scale {test.scale:g}, {test.diameters_across_base:.1f} mean diameters across the base radius\n"
-        f"files in {folder}: result.h5, pile.vtkhdf, pile.png, summary.json"
+        f"files in {folder}: result.h5, pile.vtkhdf, pile.png, summary.json{series}"
     )

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from demcore.case import RestCriterion
 from demcore.errors import InputError
 from demcore.experiments.pile_case import ContactParameters, PileTest
 from demcore.material import SizeClass, SizeDistribution, load_material
@@ -76,6 +77,10 @@ def _material(**values: object) -> Change:
     return change
 
 
+def _numerics(**values: float) -> Change:
+    return lambda test: dataclasses.replace(test, numerics=dataclasses.replace(test.numerics, **values))  # type: ignore[arg-type]
+
+
 def _one_size(test: PileTest) -> PileTest:
     mean = test.material.sizes.mean_diameter
     return _material(sizes=SizeDistribution((SizeClass(mean, mean, 1.0),)))(test)
@@ -98,6 +103,11 @@ CHANGES: dict[str, tuple[str, Change]] = {
     "undamped": ("no long-term damping", _material(long_term_damping=0.0)),
     "damped": ("long-term damping 1", _material(long_term_damping=1.0)),
     "dynamic": ("dynamic friction as high as static", _material(dynamic_friction_ratio=1.0)),
+    "kt7": ("tangential over normal stiffness .7", _numerics(stiffness_ratio=0.7)),
+    "kt3": ("tangential over normal stiffness .3", _numerics(stiffness_ratio=0.3)),
+    "residual": ("residual force of unloading 10 times as large", _numerics(residual=0.01)),
+    "rest": ("at rest only at a fifth of the speed", _field(rest=RestCriterion(speed_share=0.001))),
+    "lift": ("cylinder lifted at 30 mm/s", _field(lift_speed=0.03)),
     "dt": ("time step by the paper's preset", _field(time_step="paper")),
     "one-size": ("all particles of the mean size", _one_size),
     "uniform": ("sizes uniform by mass between the limits", _uniform_sizes),

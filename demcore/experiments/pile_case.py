@@ -6,11 +6,11 @@ Importable without numba.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from demcore.allowed import choice, natural, positive, within
-from demcore.case import Case, Numerics
+from demcore.case import Case, Numerics, RestCriterion
 from demcore.charge import Fill
 from demcore.errors import InputError
 from demcore.geometry.walls import Wall
@@ -64,7 +64,7 @@ class ContactParameters:
 class PileTest:
     """One virtual experiment. `scale` multiplies the sizes, `fill_level` the filled height of the cylinder;
     `time_step` is a preset, `time_step_factor` shortens it after a blow-up. The cylinder vanishes at once, or
-    rises at `lift_speed` (m/s)."""
+    rises at `lift_speed` (m/s). Of `numerics` the time step's preset is overruled by `time_step`."""
 
     material: Material
     rig: Rig
@@ -75,6 +75,8 @@ class PileTest:
     time_step: str = "fast"
     time_step_factor: float = 1.0
     lift_speed: float | None = None
+    numerics: Numerics = field(default_factory=Numerics)
+    rest: RestCriterion = field(default_factory=RestCriterion)
 
     def __post_init__(self) -> None:
         within("scale", self.scale, 0.1, 20.0)
@@ -135,7 +137,7 @@ class PileTest:
                 Fill(cylinder((0.0, 0.0, 0.0), radius, top), (MixPart(self.material.name),), self.filled_kg),
             ),
             domain=Box((-reach, -reach, FLOOR), (reach, reach, math.inf)),
-            numerics=Numerics(time_step=self.time_step),
+            numerics=replace(self.numerics, time_step=self.time_step),
             seed=self.seed,
         )
         if self.time_step_factor == 1.0:

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from demcore.case import RestCriterion
 from demcore.case_run import CaseRun
 from demcore.errors import NeverSettles
 from demcore.experiments.pile_case import CYLINDER, LONGEST_DISCHARGE, LONGEST_SETTLE, PileTest
@@ -40,7 +39,7 @@ class PilePlan:
         self.removed_at = 0
         self.fill_height = 0.0
         self.cylinder_gone = False
-        self.watch = RestWatch(RestCriterion(), test.case.strength_of_gravity)
+        self.watch = RestWatch(test.rest, test.case.strength_of_gravity)
 
     def numbers(self) -> dict[str, Any]:
         """State to save."""

@@ -20,6 +20,7 @@ from demcore.commands.quantity import parse_quantity
 from demcore.errors import InputError
 from demcore.output.result_file import read_result
 from demcore.picture import BACKGROUND, STEEL, render_spheres
+from tests.demcore.output.vtk_reading import read_steps
 
 MATERIAL = """
 [gravel]
@@ -64,6 +65,10 @@ def refused(arguments, capsys):
         ),
         (["pellet", "--time-step=-5us"], "time_step"),
         (["pellet", "--time-step", "1ms"], "time_step: got '1ms', allowed is at most"),
+        (["pellet", "--lift", "30"], "lift: got '30', allowed is a positive number with its unit"),
+        (["pellet", "--lift", "99m/s"], "lift_speed"),
+        (["pellet", "--frames", "0s"], "frames"),
+        (["pellet", "--frames", "1"], "frames"),
         (["pellet", "--seed", "-1"], "seed"),
         (["pellet", "--threads", "0"], "threads"),
         (["pellet", "--checkpoint-seconds", "-1"], "checkpoint_seconds"),
@@ -191,10 +196,18 @@ def test_a_pile_leaves_its_four_files_and_says_its_angle(tmp_path, capsys):
     assert main(coarse_pile(tmp_path / "out")) == 0
     said = capsys.readouterr().out
     files = {path.name for path in (tmp_path / "out").iterdir()}
-    assert files == {"result.h5", "pile.vtkhdf", "pile.png", "summary.json"}
+    series = {"spheres.vtkhdf", "walls.vtkhdf"}
+    assert files == {"result.h5", "pile.vtkhdf", "pile.png", "summary.json"} | series
     stored = read_result(tmp_path / "out" / "result.h5")
     assert f"repose angle {stored.summary['angle_deg']:.2f}" in said
     assert stored.case["scale"] == 4.0
+    steps = read_steps(tmp_path / "out" / "spheres.vtkhdf")
+    assert steps[0][0] == 0.0 and steps[1][0] == pytest.approx(0.05, abs=1e-4)
+    # Some left over the edge; the walls lost the cylinder.
+    assert steps[0][1].n_points == stored.summary["particles_filled"]
+    assert steps[-1][1].n_points < steps[0][1].n_points
+    walls = read_steps(tmp_path / "out" / "walls.vtkhdf")
+    assert [set(walls[k][1]["Wall"]) for k in (0, -1)] == [{0, 1}, {0}]
     pile = pyvista.read(tmp_path / "out" / "pile.vtkhdf")
     np.testing.assert_array_equal(pile.points, stored.columns["particles/position"].values)
     assert stored.columns["particles/position"].units == "m"
@@ -216,7 +229,11 @@ def test_a_pile_that_was_killed_and_resumed_has_the_same_bits(tmp_path, capsys):
     process.wait()
     assert not (killed / "result.h5").exists()
     assert main(coarse_pile(killed, "--resume")) == 0
-    assert (killed / "result.h5").read_bytes() == (tmp_path / "whole" / "result.h5").read_bytes()
+    for name in ("result.h5", "spheres.vtkhdf", "walls.vtkhdf"):
+        assert (killed / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert sorted(path.name for path in killed.iterdir()) == sorted(
+        path.name for path in (tmp_path / "whole").iterdir()
+    )
     assert not (killed / "run.checkpoint").exists()
 
 
