@@ -52,6 +52,7 @@ class Neighbours(NamedTuple):
     near_start (S + 1,)    first near pair of each slab; near_owner, near_partner, wake (m), awake (a list's room)
     way (S,)               half of what two particles of a slab and the next may have come closer since the search
     travel (S,)            bound on a particle's way since the search; stride (S,) on its last step. All in m
+    full (S,)              1 when a slab had no slot left for a new contact: a search must come first
     """
 
     slab_start: NDArray[np.int64]
@@ -69,6 +70,7 @@ class Neighbours(NamedTuple):
     way: Floats
     travel: Floats
     stride: Floats
+    full: NDArray[np.uint8]
 
 
 class Contacts(NamedTuple):
@@ -93,6 +95,13 @@ def touching_contacts(lists: Neighbours) -> Contacts:
     touching = rows[:, OVERLAP] > 0.0
     slots = slots[touching]
     return Contacts(lists.owner[slots], lists.partner[slots], rows[touching])
+
+
+@leaf
+def history_at(slot: int, number: int) -> int:
+    """Where in `Neighbours.history` a slot keeps a number of its history."""
+    block = slot // LANES
+    return (block * HISTORY_WIDTH + number) * LANES + slot - block * LANES
 
 
 @leaf
@@ -132,12 +141,16 @@ def wake_pairs(slab: int, particles: Particles, lists: Neighbours, tables: Table
         if squared >= reach * reach:
             wake[q] = way + 0.5 * (math.sqrt(squared) - reach)
             continue
-        wake[q] = NEVER
         slot = lists.block_start[slab] * LANES + lists.used[slab]
+        if slot == lists.block_start[slab + 1] * LANES:
+            # One step late, by an overlap of one step's way, rather than room for every pair that is near.
+            lists.full[slab] = 1
+            wake[q] = way
+            continue
+        wake[q] = NEVER
         begin_contact(slot, i, j, particles, tables, lists.owner, lists.partner, lists.fixed)
-        block = slot // LANES
         for c in range(HISTORY_WIDTH):
-            lists.history[(block * HISTORY_WIDTH + c) * LANES + slot - block * LANES] = 0.0
+            lists.history[history_at(slot, c)] = 0.0
         lists.used[slab] += 1
 
 

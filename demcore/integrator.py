@@ -109,7 +109,7 @@ def is_stale(lists: Neighbours, skin: float) -> bool:
     for k in range(last + 1):
         lists.travel[k] += lists.stride[k]
         lists.way[k] += max(lists.stride[k], lists.stride[min(k + 1, last)])
-        if not lists.travel[k] <= 0.5 * skin:
+        if not lists.travel[k] <= 0.5 * skin or lists.full[k] > 0:
             stale = True
     return stale
 

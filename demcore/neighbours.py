@@ -12,15 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from demcore.forces import FIXED_WIDTH, LANES, Neighbours, begin_contact
+from demcore.forces import FIXED_WIDTH, LANES, Neighbours, begin_contact, history_at
 from demcore.jit import kernel, parallel_kernel, prange
 from demcore.particles import Floats, Particles, R, X, Z
-from demcore.wrench import HISTORY_WIDTH, Tables
+from demcore.wrench import HISTORY_WIDTH, OVERLAP, Tables
 
 Integers = NDArray[np.int64]
 
 MOST_SLABS = 64
 CELLS_PER_PARTICLE = 8
+# One in so many near pairs may touch before the next search without calling for an early one.
+NEAR_THAT_MEET = 4
 
 
 class Grid(NamedTuple):
@@ -177,49 +179,58 @@ def find_partners(
     return total, touching
 
 
+class Carried(NamedTuple):
+    """The contacts of an old list by owner, so that the list itself can go: those of owner i are
+    start[i]:start[i + 1] of partner (C,) and history (C, HISTORY_WIDTH)."""
+
+    start: Integers
+    partner: NDArray[np.int32]
+    history: Floats
+
+
 @kernel
-def index_contacts(lists: Neighbours) -> tuple[Integers, NDArray[np.int32]]:
-    """Slots of the contacts of each owner i: slot[start[i]:start[i + 1]]."""
+def carry(lists: Neighbours) -> Carried:
+    """Counting sort of the closed contacts by owner."""
     start = np.zeros(lists.slab_start[-1] + 1, np.int64)
     for k in range(len(lists.used)):
         first = lists.block_start[k] * LANES
         for s in range(first, first + lists.used[k]):
-            start[lists.owner[s] + 1] += 1
-    start = np.cumsum(start)
+            if lists.history[history_at(s, OVERLAP)] > 0.0:
+                start[lists.owner[s] + 1] += 1
+    for i in range(len(start) - 1):
+        start[i + 1] += start[i]
     fill = start[:-1].copy()
-    slot = np.empty(start[-1], np.int32)
+    partner = np.empty(start[-1], np.int32)
+    history = np.empty((start[-1], HISTORY_WIDTH))
     for k in range(len(lists.used)):
         first = lists.block_start[k] * LANES
         for s in range(first, first + lists.used[k]):
-            slot[fill[lists.owner[s]]] = s
-            fill[lists.owner[s]] += 1
-    return start, slot
+            if lists.history[history_at(s, OVERLAP)] > 0.0:
+                q = fill[lists.owner[s]]
+                fill[lists.owner[s]] += 1
+                partner[q] = lists.partner[s]
+                for c in range(HISTORY_WIDTH):
+                    history[q, c] = lists.history[history_at(s, c)]
+    return Carried(start, partner, history)
 
 
 @kernel
-def carry_history(
-    new_slot: int, a: int, b: int, index: tuple[Integers, NDArray[np.int32]], old: Neighbours, history: Floats
-) -> None:
-    """Copy the history of the pair whose rows at the last search were a and b, if it touched then.
+def recall_history(slot: int, a: int, b: int, carried: Carried, history: Floats) -> None:
+    """Write the history of the pair whose rows at the last search were a and b; zero if it did not touch then.
 
     The owner may have changed with the order: spring and couple are kept for the owner, so they turn sign.
     """
-    start, slot = index
-    block = new_slot // LANES
-    to = (block * HISTORY_WIDTH) * LANES + new_slot - block * LANES
     for c in range(HISTORY_WIDTH):
-        history[to + c * LANES] = 0.0
+        history[history_at(slot, c)] = 0.0
     low, high = min(a, b), max(a, b)
-    if high >= len(start) - 1:
+    if high >= len(carried.start) - 1:
         return  # a particle that was not there at the last search
-    for q in range(start[low], start[low + 1]):
-        if old.partner[slot[q]] == high:
+    for q in range(carried.start[low], carried.start[low + 1]):
+        if carried.partner[q] == high:
             sign = 1.0 if a < b else -1.0
-            before = slot[q] // LANES
-            at = (before * HISTORY_WIDTH) * LANES + slot[q] - before * LANES
             for c in range(HISTORY_WIDTH):
                 # The first four are scalars, the others vectors that act on the owner.
-                history[to + c * LANES] = old.history[at + c * LANES] * (1.0 if c < 4 else sign)
+                history[history_at(slot, c)] = carried.history[q, c] * (1.0 if c < 4 else sign)
             return
 
 
@@ -230,8 +241,7 @@ def fill_slab(
     count: Integers,
     particles: Particles,
     order: Integers,
-    index: tuple[Integers, NDArray[np.int32]],
-    old: Neighbours,
+    carried: Carried,
     new: Neighbours,
     tables: Tables,
 ) -> None:
@@ -247,7 +257,7 @@ def fill_slab(
             squared = dx * dx + dy * dy + dz * dz
             if squared < reach * reach:
                 begin_contact(slot, i, j, particles, tables, new.owner, new.partner, new.fixed)
-                carry_history(slot, order[i], order[j], index, old, new.history)
+                recall_history(slot, order[i], order[j], carried, new.history)
                 slot += 1
             else:
                 new.near_owner[near], new.near_partner[near] = i, j
@@ -263,11 +273,13 @@ def forget_all(particles: Particles) -> Particles:
 
 
 def room_for(slabs: Integers, pairs: Integers, touching: Integers) -> Neighbours:
-    """A list with room for the pairs of each slab; all of them could become contacts before the next search."""
-    blocks = -(-pairs // LANES)
+    """A list with room for the pairs of each slab, and for a share of the near ones to become contacts."""
+    near = pairs - touching
+    slots = touching + np.minimum(near, near // NEAR_THAT_MEET + LANES // 4)
+    blocks = -(-slots // LANES)
     block_start = np.concatenate([[0], np.cumsum(blocks)])
-    near_start = np.concatenate([[0], np.cumsum(pairs - touching)])
-    total, near, count = int(block_start[-1]), int(near_start[-1]), len(slabs) - 1
+    near_start = np.concatenate([[0], np.cumsum(near)])
+    total, rest, count = int(block_start[-1]), int(near_start[-1]), len(slabs) - 1
     return Neighbours(
         slabs,
         block_start,
@@ -277,13 +289,14 @@ def room_for(slabs: Integers, pairs: Integers, touching: Integers) -> Neighbours
         np.empty(total * LANES * FIXED_WIDTH),
         np.empty(total * LANES * HISTORY_WIDTH),
         near_start,
-        np.empty(near, np.int32),
-        np.empty(near, np.int32),
-        np.empty(near),
-        np.empty(near, np.int32),
+        np.empty(rest, np.int32),
+        np.empty(rest, np.int32),
+        np.empty(rest),
+        np.empty(rest, np.int32),
         np.zeros(count),
         np.zeros(count),
         np.zeros(count),
+        np.zeros(count, np.uint8),
     )
 
 
@@ -315,15 +328,13 @@ def _fill_all(
     count: Integers,
     particles: Particles,
     order: Integers,
-    start: Integers,
-    slot: NDArray[np.int32],
-    old: Neighbours,
+    carried: Carried,
     new: Neighbours,
     tables: Tables,
 ) -> None:
     for k in prange(len(new.slab_start) - 1):
         out = found[new.slab_start[k] * room : new.slab_start[k + 1] * room]
-        fill_slab(k, out, count, particles, order, (start, slot), old, new, tables)
+        fill_slab(k, out, count, particles, order, carried, new, tables)
 
 
 _SEARCH: dict[bool, tuple[Any, Any]] = {
@@ -332,29 +343,36 @@ _SEARCH: dict[bool, tuple[Any, Any]] = {
 }
 
 
-def search(
-    particles: Particles,
-    neighbours: Neighbours,
-    tables: Tables,
-    skin: float,
-    keep: NDArray[np.bool_] | None = None,
-    threaded: bool = False,
-) -> tuple[Particles, Neighbours, Integers]:
-    """Sort the particles (those in `keep`), list all pairs within reach + skin, carry histories.
+class Arranged(NamedTuple):
+    """Particles in the order of slabs and a Morton curve; order (N,) are their rows before; slabs (S + 1,)."""
 
-    The third result (N,) is where each particle of the new order was before. Same result, to the bit, with and
-    without threads.
-    """
+    particles: Particles
+    order: Integers
+    slabs: Integers
+
+
+def arrange(particles: Particles, skin: float, keep: NDArray[np.bool_] | None = None) -> Arranged:
+    """Sort the particles, those in `keep` (N,); the forces, which are zero between steps, are not carried."""
     alive = np.arange(len(particles.number)) if keep is None else np.flatnonzero(keep)
     if len(alive) == 0:
-        return forget_all(particles), empty_neighbours(0), alive
-    state = particles.state[alive]
-    order, slabs = spatial_order(state[:, X : Z + 1], state[:, R], skin)
-    order_of_old = alive[order]
-    state = state[order]
-    fresh = Particles(
-        state, particles.force[order_of_old], particles.material[order_of_old], particles.number[order_of_old]
-    )
+        return Arranged(forget_all(particles), alive, np.array([0, 0]))
+    position, radius = particles.state[alive, X : Z + 1], particles.state[alive, R]
+    order, slabs = spatial_order(position, radius, skin)
+    order = alive[order]
+    count = len(order)
+    force = particles.force[:count] if len(particles.force) >= count else np.zeros((count, 6))
+    fresh = Particles(particles.state[order], force, particles.material[order], particles.number[order])
+    return Arranged(fresh, order, slabs)
+
+
+def list_pairs(
+    arranged: Arranged, carried: Carried, tables: Tables, skin: float, threaded: bool = False
+) -> Neighbours:
+    """All pairs within reach + skin, with the histories of those that touched; the same bits on threads."""
+    particles, order, slabs = arranged
+    state = particles.state
+    if len(state) == 0:
+        return empty_neighbours(0)
     find_all, fill_all = _SEARCH[threaded]
     grid = build_grid(state, skin)
     count = np.zeros(len(state), np.int64)
@@ -366,6 +384,7 @@ def search(
         if (needed <= np.diff(slabs) * room).all():
             break
         room *= 2
+    del grid
     new = room_for(slabs, needed, touching)
-    fill_all(room, found, count, fresh, order_of_old, *index_contacts(neighbours), neighbours, new, tables)
-    return fresh, new, order_of_old
+    fill_all(room, found, count, particles, order, carried, new, tables)
+    return new

@@ -24,7 +24,7 @@ from demcore.geometry.wall_rows import Walls
 from demcore.geometry.walls import Wall
 from demcore.integrator import advance_serial, advance_threaded
 from demcore.interaction import MaterialTable
-from demcore.neighbours import empty_neighbours, search
+from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs
 from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z, join
 from demcore.region import Box
 from demcore.wall_list import WallList, empty_wall_list
@@ -139,11 +139,14 @@ class Simulation:
     def _search(self) -> None:
         self.check_motion()
         keep = self.left.note(self.particles, self.step, *self._bounds())
-        self.particles, self.neighbours, order = search(
-            self.particles, self.neighbours, self._tables, self.skin, keep, self.threaded
-        )
+        carried = carry(self.neighbours)
+        # Old particles and the old list go before the new list comes: together they would be the peak of memory.
+        self.neighbours = empty_neighbours(0)
+        arranged = arrange(self.particles, self.skin, keep)
+        self.particles = arranged.particles
+        self.neighbours = list_pairs(arranged, carried, self._tables, self.skin, self.threaded)
         self.near_walls = list_walls(
-            self.particles.state, self.walls, self.skin, self.step, self.dt, order, self.near_walls
+            self.particles.state, self.walls, self.skin, self.step, self.dt, arranged.order, self.near_walls
         )
         self._check_walls()
         self.searches += 1

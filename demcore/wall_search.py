@@ -24,6 +24,7 @@ Integers = NDArray[np.int64]
 LONGEST_STEP = 0.5
 # Share of the radius by which a wall that appears may overlap what lies there (a bed that rested on another).
 LARGEST_FIRST_OVERLAP = 0.05
+LARGEST_SETTLED_OVERLAP = 0.5
 
 
 @leaf
@@ -130,7 +131,9 @@ def first_inside(near: WallList, state: Floats, walls: Walls, step: int, dt: flo
                 d, _, _ = triangle_distance(walls.triangle, walls.first_triangle[w] + near.triangle[k], q)
             else:
                 d, _ = wall_distance(walls, w, x, y, z)
-            if r - d > LARGEST_FIRST_OVERLAP * r:
+            # A bed that a run starts from may have settled on the wall, as soft as it is.
+            allowed = LARGEST_FIRST_OVERLAP if step > 0 else LARGEST_SETTLED_OVERLAP
+            if r - d > allowed * r:
                 return k
     return -1
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import time
 import tracemalloc
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -14,6 +14,7 @@ import numpy as np
 from demcore.bench.beds import RUN_IN, Bed
 from demcore.errors import InputError
 from demcore.forces import NEVER, touching_contacts
+from demcore.neighbours import carry
 from demcore.simulation import Simulation
 
 
@@ -85,30 +86,28 @@ def count_pairs(simulation: Simulation) -> tuple[int, int]:
 
 
 def peak_of_search(simulation: Simulation) -> int:
-    """Bytes of all arrays when memory is fullest: old and new particles, lists and histories, and the grid.
+    """Bytes of all arrays when memory is fullest: particles old and new, contacts old and new, and the grid.
 
-    Counted, not read off the process, whose compiler and libraries weigh more than a small bed: what is held
-    before a search, plus the peak of what NumPy allocates in it, plus what compiled code allocated and returned.
+    Counted, not read off the process, whose compiler and libraries weigh more than a small bed: the peak of what
+    NumPy holds, and the contacts that compiled code carries across the search.
     """
-    held = sum(array.nbytes for array in _arrays(simulation))
-    simulation.stale = True
+    carried = sum(array.nbytes for array in carry(simulation.neighbours))
     tracemalloc.start()
     try:
+        # Copies are traced, so that what a search lets go of is seen to go.
+        simulation.particles = _copy(simulation.particles)
+        simulation.neighbours = _copy(simulation.neighbours)
+        simulation.near_walls = _copy(simulation.near_walls)
+        gc.collect()
+        tracemalloc.reset_peak()
+        simulation.stale = True
         # One step: the search that is due, and the step itself, which allocates nothing of the particles' size.
         simulation.advance(1)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    compiled = sum(a.nbytes for a in _arrays(simulation) if not (a.flags.owndata or _is_view(a)))
-    return int(held + peak + compiled)
+    return int(peak) + carried
 
 
-def _arrays(simulation: Simulation) -> Iterator[Any]:
-    for record in (simulation.particles, simulation.neighbours):
-        for value in record:
-            if isinstance(value, np.ndarray):
-                yield value
-
-
-def _is_view(array: Any) -> bool:
-    return isinstance(array.base, np.ndarray)
+def _copy(record: Any) -> Any:
+    return type(record)(*(value.copy() for value in record))

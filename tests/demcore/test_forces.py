@@ -10,7 +10,7 @@ from demcore.contact.laws import hertz_mindlin_model, paper_model
 from demcore.contact.model import History, Vec3
 from demcore.forces import LANES, NEVER, slab_forces, touching_contacts
 from demcore.geometry.wall_arrays import wall_arrays
-from demcore.neighbours import empty_neighbours, search
+from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs
 from demcore.particles import spheres
 from demcore.simulation import Simulation
 from demcore.wrench import contact_wrench, material_tables, series_stiffness, touching_pair
@@ -75,7 +75,8 @@ def one_at_a_time(model, particles, tables, steps):
 def test_blocks_give_the_sum_of_the_laws_one_contact_at_a_time(model):
     tables = material_tables(*TABLE.arrays())
     bed = moving_cloud(150)
-    particles, lists, _order = search(bed, empty_neighbours(150), tables, 0.002)
+    arranged = arrange(bed, 0.002)
+    particles, lists = arranged.particles, list_pairs(arranged, carry(empty_neighbours(150)), tables, 0.002)
     assert lists.used.sum() > 3 * LANES
     for _ in range(3):
         for slab in range(len(lists.used)):

@@ -9,7 +9,7 @@ from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.forces import LANES, touching_contacts
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
-from demcore.neighbours import empty_neighbours, search
+from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs
 from demcore.particles import spheres
 from demcore.wall_list import empty_wall_list
 from demcore.wall_search import list_walls
@@ -23,6 +23,13 @@ def cloud(seed: int, count: int, smallest: float, largest: float, size: float):
     position = rng.random((count, 3)) * size
     radius = np.exp(rng.uniform(np.log(smallest), np.log(largest), count))
     return spheres(position, radius, 1000.0)
+
+
+def search(bed, before, skin, threaded=False):
+    """Sorted particles, their list with the histories of the list before, and their rows before."""
+    arranged = arrange(bed, skin)
+    lists = list_pairs(arranged, carry(before), TABLES, skin, threaded)
+    return arranged.particles, lists, arranged.order
 
 
 def used_slots(lists):
@@ -64,7 +71,7 @@ def brute_force(particles, skin):
 def test_every_pair_is_found_once(threaded, count, smallest, largest, size):
     bed = cloud(count, count, smallest, largest, size)
     skin = 0.3 * smallest
-    after, lists, _order = search(bed, empty_neighbours(count), TABLES, skin, threaded=threaded)
+    after, lists, _order = search(bed, empty_neighbours(count), skin, threaded=threaded)
     pairs, listed = named_pairs(after, lists)
     assert pairs == brute_force(after, skin)
     assert listed == len(pairs)
@@ -72,7 +79,7 @@ def test_every_pair_is_found_once(threaded, count, smallest, largest, size):
 
 def test_a_pair_never_reaches_beyond_the_next_slab():
     bed = cloud(5, 3000, 0.005, 0.02, 1.0)
-    _after, lists, _order = search(bed, empty_neighbours(3000), TABLES, 0.002)
+    _after, lists, _order = search(bed, empty_neighbours(3000), 0.002)
     owner, partner, lister = listed_pairs(lists)
     slab = np.searchsorted(lists.slab_start, np.arange(3000), side="right") - 1
     assert (slab[owner] == lister).all()
@@ -90,7 +97,7 @@ def write_histories(lists, rows):
 def test_histories_survive_a_new_order_and_turn_with_the_owner():
     bed = cloud(9, 400, 0.01, 0.03, 0.3)
     walls = wall_arrays([Wall("plane")])
-    after, lists, order = search(bed, empty_neighbours(400), TABLES, 0.003)
+    after, lists, order = search(bed, empty_neighbours(400), 0.003)
     near = list_walls(after.state, walls, 0.003, 0, 1e-4, order, empty_wall_list())
     slots = used_slots(lists)
     # A value that is antisymmetric in the pair's names, as a force on the owner is.
@@ -99,7 +106,7 @@ def test_histories_survive_a_new_order_and_turn_with_the_owner():
     near.history[:] = np.repeat(after.number[near.owner], np.diff(near.start))[:, None] + 1.0
     shuffled = after.state.copy()
     shuffled[:, 0] = 0.3 - shuffled[:, 0]  # a mirror keeps all distances and turns the order round
-    mirrored, again, order = search(after._replace(state=shuffled), lists, TABLES, 0.003)
+    mirrored, again, order = search(after._replace(state=shuffled), lists, 0.003)
     near_again = list_walls(mirrored.state, walls, 0.003, 0, 1e-4, order, near)
     owner, partner, history = touching_contacts(again)
     a, b = mirrored.number[owner] + 1.0, mirrored.number[partner] + 1.0
@@ -114,10 +121,10 @@ def test_histories_survive_a_new_order_and_turn_with_the_owner():
 def test_particles_that_were_not_there_before_bring_no_history():
     bed = cloud(9, 400, 0.01, 0.03, 0.3)
     first = bed._replace(**{name: value[:300] for name, value in bed._asdict().items()})
-    after, lists, _order = search(first, empty_neighbours(300), TABLES, 0.003)
+    after, lists, _order = search(first, empty_neighbours(300), 0.003)
     write_histories(lists, np.ones((len(used_slots(lists)), HISTORY_WIDTH)))
     joined = type(bed)(*(np.concatenate([old, new[300:]]) for old, new in zip(after, bed, strict=True)))
-    everyone, again, _order = search(joined, lists, TABLES, 0.003)
+    everyone, again, _order = search(joined, lists, 0.003)
     slots = used_slots(again)
     known = np.maximum(everyone.number[again.owner[slots]], everyone.number[again.partner[slots]]) < 300
     rows = again.history.reshape(-1, HISTORY_WIDTH, LANES)[slots // LANES, :, slots % LANES]
