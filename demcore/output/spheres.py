@@ -43,14 +43,25 @@ def write_spheres(
     """
     arrays = {"Radius": radii, "Diameter": 2.0 * radii}
     arrays |= {name: np.asarray(values) for name, values in point_data.items()}
-    fields = [
-        Field(name, a.dtype.str, 1 if a.ndim == 1 else a.shape[1], UNITS.get(name, "1"))
-        for name, a in arrays.items()
-    ]
     aside = path.with_name(path.name + ".part")
-    with PolyDataSeries(aside, "Vertices", fields, point_type="f8") as series:
-        series.append(0.0, PolyData(positions, vertices(len(radii)), arrays, {}))
+    start_file(aside, positions, arrays, UNITS)
     with h5py.File(aside, "r+") as file:
         # Readers of VTKHDF ignore groups that they do not know.
         file.create_group("Talus").attrs["summary"] = json.dumps(dict(summary))
     replace_file(aside, path)
+
+
+def start_file(
+    path: Path,
+    positions: NDArray[np.float64],
+    arrays: Mapping[str, NDArray[Any]],
+    units: Mapping[str, str],
+) -> None:
+    """A new file with the VTKHDF group of one set of spheres: positions (N, 3) m in double precision, and arrays
+    of N rows with their units ("1" where none is given)."""
+    fields = [
+        Field(name, a.dtype.str, 1 if a.ndim == 1 else a.shape[1], units.get(name, "1"))
+        for name, a in arrays.items()
+    ]
+    with PolyDataSeries(path, "Vertices", fields, point_type="f8") as series:
+        series.append(0.0, PolyData(positions, vertices(len(positions)), arrays, {}))
