@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from demcore.commands import bench, mesh, pile, table7, verify
 from demcore.commands.arguments import Parser, UsageError
+from demcore.commands.warning_lines import checkpoint_warnings_as_lines
 from demcore.errors import Cancelled, InputError, SimulationError
 
 FAILED, BAD_INPUT = 1, 2
@@ -30,7 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; the exit status."""
     try:
         parsed = parser().parse_args(arguments)
-        return int(parsed.run(parsed))
+        with checkpoint_warnings_as_lines():
+            return int(parsed.run(parsed))
     except (InputError, UsageError) as error:
         print("error: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT

@@ -27,7 +27,7 @@ from demcore.contact.type3_rolling import Type3Rolling
 from demcore.feeding import FeedAccount, Feeder
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.wall_rows import Walls
-from demcore.identity import identity
+from demcore.identity import run_identity
 from demcore.insertion import fill_region
 from demcore.particles import Floats, Particles, R, X, Z, join, nothing, spheres
 from demcore.rest import RestWatch
@@ -139,7 +139,7 @@ class CaseRun:
         """`program` is what else, beside the case, the run's outcome depends on: part of its identity."""
         self.case = case
         self.plan: Plan = UntilRest(case) if plan is None else plan
-        self.identity = identity((case, program))
+        self.identity = run_identity(case, program)
         walls = wall_arrays(case.walls)
         bed = fill_all(case, walls)
         self.filled_kg = float(bed.state[:, 7].sum())

@@ -38,6 +38,11 @@ def plain(value: Any) -> Any:
     raise TypeError(f"a case holds plain data, not {type(value).__name__}")
 
 
+def run_identity(case: Any, program: Any = None) -> str:
+    """Of a run of a case, whose outcome may depend on a program's own data too."""
+    return identity((case, program))
+
+
 def identity(record: Any) -> str:
     """sha256 over a record and over demcore's own sources: other code may give other bits."""
     text = json.dumps(plain(record), sort_keys=True)

@@ -18,6 +18,7 @@ from demcore.commands.quantity import parse_quantity
 from demcore.errors import InputError
 from demcore.experiments.paper_tables import TABLE_5
 from demcore.experiments.pile_case import ContactParameters, PileTest
+from demcore.identity import run_identity
 from demcore.material import Material, load_material, material_names
 from demcore.material_file import read_material
 from demcore.recorder import SeriesRecorder
@@ -65,8 +66,8 @@ def pile(arguments: argparse.Namespace) -> int:
         path = folder / CHECKPOINT
         if not arguments.resume:
             checkpoint.discard(path)
-        elif checkpoint.load_newest(path) is None:
-            print(f"no checkpoint in {folder}: the run starts from its beginning", file=sys.stderr)
+        elif checkpoint.load_newest(path, run_identity(test.case, test)) is None:
+            print(f"no checkpoint of this run in {folder}: it starts from its beginning", file=sys.stderr)
         recorder = None if interval is None else SeriesRecorder(folder, interval)
         result = _run(test, arguments, path, recorder)
         _write(result, folder)

@@ -126,6 +126,13 @@ def test_the_development_lock_only_adds() -> None:
     assert pins(RUNTIME_LOCK) <= pins(DEV_LOCK)
 
 
+def test_decisions_are_numbered_without_gaps_or_clashes() -> None:
+    files = sorted((ROOT / "docs" / "decisions").glob("*.md"))
+    assert [file.name[:5] for file in files] == [f"{number:04}-" for number in range(1, len(files) + 1)]
+    for number, file in enumerate(files, 1):
+        assert file.read_text().startswith(f"# {number}. ")
+
+
 def test_no_path_of_this_machine_is_committed() -> None:
     shared = ROOT.parent in (Path("/"), Path(tempfile.gettempdir()))  # a name that any text may hold
     here = f"{ROOT if shared else ROOT.parent}/".encode()

@@ -8,15 +8,18 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 
 import numpy as np
 import pytest
 import pyvista
 from PIL import Image
 
+from demcore import checkpoint
 from demcore.__main__ import main
 from demcore.commands.progress_bar import duration
 from demcore.commands.quantity import parse_quantity
+from demcore.commands.warning_lines import checkpoint_warnings_as_lines
 from demcore.errors import InputError
 from demcore.output.result_file import read_result
 from demcore.picture import BACKGROUND, STEEL, render_spheres
@@ -223,18 +226,38 @@ def test_a_pile_that_was_killed_and_resumed_has_the_same_bits(tmp_path, capsys):
     command = [sys.executable, "-m", "demcore", *coarse_pile(killed, "--checkpoint-seconds", "0")]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 120.0
-    while not (killed / "run.checkpoint").exists() and time.monotonic() < deadline:
+    while not (killed / "run.checkpoint.previous").exists() and time.monotonic() < deadline:
         time.sleep(0.02)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     assert not (killed / "result.h5").exists()
+    # The newest is spoiled as well: the one before it is taken, and a line says so once.
+    (killed / "run.checkpoint").write_bytes(b"torn")
+    capsys.readouterr()
     assert main(coarse_pile(killed, "--resume")) == 0
+    said = "warning: checkpoint refused: run.checkpoint is not a Talus checkpoint or is truncated\n"
+    assert capsys.readouterr().err == said
     for name in ("result.h5", "spheres.vtkhdf", "walls.vtkhdf"):
         assert (killed / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     assert sorted(path.name for path in killed.iterdir()) == sorted(
         path.name for path in (tmp_path / "whole").iterdir()
     )
     assert not (killed / "run.checkpoint").exists()
+    # Recording is no part of the outcome.
+    assert main(coarse_pile(tmp_path / "plain", "--frames", "none")) == 0
+    assert (tmp_path / "plain" / "result.h5").read_bytes() == (killed / "result.h5").read_bytes()
+    assert not list((tmp_path / "plain").glob("spheres*"))
+
+
+def test_warnings_of_checkpoints_are_lines_and_others_stay_as_they_are(tmp_path, capsys):
+    path = tmp_path / "c"
+    checkpoint.save(path, {"identity": "another's"}, {})
+    with checkpoint_warnings_as_lines():
+        for _ in range(2):
+            assert checkpoint.load_newest(path, "mine") is None
+        with pytest.warns(UserWarning, match="about something else"):
+            warnings.warn("about something else", UserWarning, stacklevel=1)
+    assert capsys.readouterr().err == "warning: checkpoint refused: c is of another case or of other code\n"
 
 
 def test_ctrl_c_saves_the_run_and_says_so_in_a_line(tmp_path):
