@@ -23,6 +23,9 @@ from demcore.commands.warning_lines import checkpoint_warnings_as_lines
 from demcore.errors import InputError
 from demcore.output.result_file import read_result
 from demcore.picture import BACKGROUND, STEEL, render_spheres
+from demcore.verification import cases
+from demcore.verification.impact import bounce_heights
+from demcore.verification.outcome import Outcome
 from tests.demcore.output.vtk_reading import read_steps
 
 MATERIAL = """
@@ -317,12 +320,21 @@ def test_a_mesh_that_is_not_there_is_one_line(tmp_path, capsys):
     assert "nowhere.stl" in refused(["mesh", str(tmp_path / "nowhere.stl"), "--units", "m"], capsys)
 
 
-def test_verify_prints_every_case_as_json(capsys):
+def test_verify_prints_a_list_as_json_and_fails_with_a_case(capsys, monkeypatch):
+    # Every case runs in tests/verification; here it is what the command makes of them.
+    monkeypatch.setattr(cases, "CASES", (bounce_heights,))
     assert main(["verify", "--json"]) == 0
-    cases = json.loads(capsys.readouterr().out)
-    assert {"name", "source", "expected", "got", "tolerance", "passed"} <= set(cases[0])
-    assert len(cases) > 40
-    assert all(case["passed"] for case in cases)
+    printed = json.loads(capsys.readouterr().out)
+    assert set(printed[0]) == {"name", "source", "expected", "got", "tolerance", "passed"}
+    assert len(printed) == 3
+    assert all(case["passed"] for case in printed)
+
+    def wrong():
+        yield Outcome("a sphere that bounces too high", "nowhere", 1.0, 2.0, 0.1)
+
+    monkeypatch.setattr(cases, "CASES", (wrong, bounce_heights))
+    assert main(["verify"]) == 1
+    assert "3 passed, 1 failed" in capsys.readouterr().out
 
 
 def test_the_picture_shows_a_sphere_on_its_base():
