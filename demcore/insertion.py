@@ -104,10 +104,10 @@ def touches_wall(x: float, y: float, z: float, r: float, walls: Walls, there: ND
         if not there[w]:
             continue
         if walls.kind[w] == TRIANGLES:
-            if touches_mesh(to_body(walls, w, x, y, z), r, walls, w):
+            if touches_mesh(to_body(walls.pose, w, x, y, z), r, walls, w):
                 return True
         else:
-            d, _ = wall_distance(walls, w, x, y, z)
+            d, _ = wall_distance(walls.kind[w], walls.shape, walls.pose, w, x, y, z)
             if d < r:
                 return True
     return False

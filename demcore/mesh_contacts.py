@@ -54,11 +54,11 @@ def measure_hits(
 ) -> bool:
     """Distance, normal and feature of all slots begin to end - 1, which are of one mesh; True with any hit."""
     w = near.wall[begin]
-    q = to_body(walls, w, x, y, z)
+    q = to_body(walls.pose, w, x, y, z)
     any_hit = False
     for k in range(begin, end):
         d, n, feature = triangle_distance(walls.triangle, walls.first_triangle[w] + near.triangle[k], q)
-        world = turn_to_world(walls, w, n)
+        world = turn_to_world(walls.pose, w, n)
         near.hit[k, 0] = d
         near.hit[k, 1], near.hit[k, 2], near.hit[k, 3] = world.x, world.y, world.z
         near.hit[k, FEATURE] = feature

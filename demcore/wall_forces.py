@@ -16,94 +16,66 @@ from demcore.geometry.motion import surface_velocity, to_body, turn_to_world, ve
 from demcore.geometry.surfaces import plane_distance, revolution_distance
 from demcore.geometry.wall_rows import PLANE, PROFILE, SPIN_NOW, TRIANGLES, Walls
 from demcore.jit import kernel, leaf
-from demcore.mesh_contacts import (
-    ACCEPTED,
-    carry_histories,
-    choose_contacts,
-    hit_normal,
-    measure_hits,
+from demcore.mesh_contacts import ACCEPTED, carry_histories, choose_contacts, measure_hits
+from demcore.particles import Floats, Particles
+from demcore.wall_list import STATE, WallList
+from demcore.wrench import (
+    OVERLAP,
+    Tables,
+    contact_wrench,
+    forget,
+    recall,
+    remember,
+    series_stiffness,
+    touching_pair,
 )
-from demcore.particles import Particles
-from demcore.wall_list import STATE, WallList, forget_slot
-from demcore.wrench import OVERLAP, Tables, contact_wrench, recall, remember, series_stiffness, touching_pair
 
 # A step may miss its own length by this much when it is compared with the way through a wall.
 CROSSING_SLACK = 1.05
 
 
 @leaf
-def wall_distance(walls: Walls, w: int, x: float, y: float, z: float) -> tuple[float, Vec3]:
+def wall_distance(
+    kind: int, shape: Floats, pose: Floats, w: int, x: float, y: float, z: float
+) -> tuple[float, Vec3]:
     """Distance of a point of the world to analytic wall w, m, and the unit normal towards the point."""
-    q = to_body(walls, w, x, y, z)
-    if walls.kind[w] == PLANE:
+    q = to_body(pose, w, x, y, z)
+    if kind == PLANE:
         d, n = plane_distance(q)
     else:
-        s = walls.shape
+        s = shape
         d, n = revolution_distance(s[w, PROFILE], s[w, PROFILE + 1], s[w, PROFILE + 2], s[w, PROFILE + 3], q)
-    return d, turn_to_world(walls, w, n)
+    return d, turn_to_world(pose, w, n)
 
 
 @leaf
-def has_crossed(near: WallList, k: int, radius: float, d: float, n: Vec3, speed: float, dt: float) -> bool:
-    """True when the centre went through the surface that slot k touched at the step before.
+def has_crossed(
+    before: Floats, overlap: float, k: int, radius: float, d: float, n: Vec3, speed: float, dt: float
+) -> bool:
+    """True when the centre went through the surface that slot k touched at the step before, with `overlap` and the
+    normal in row k of `before`.
 
     The normal has turned round, and the way through the surface is no longer than what was moved. (Without the
     second half a ball that wobbles in a funnel would be reported: its nearest side changes.)
     """
     if d < 0.0:
         return True
-    if near.history[k, OVERLAP] == 0.0:
+    if overlap == 0.0:
         return False
-    m = vector_at(near.normal, k, 0)
+    m = vector_at(before, k, 0)
     if m.x * n.x + m.y * n.y + m.z * n.z >= 0.0:
         return False
-    return bool(abs(radius - near.history[k, OVERLAP]) + d <= CROSSING_SLACK * speed * dt)
+    return bool(abs(radius - overlap) + d <= CROSSING_SLACK * speed * dt)
 
 
-@leaf
-def press(
-    model: ContactModel,
-    tables: Tables,
-    particles: Particles,
-    walls: Walls,
-    near: WallList,
-    i: int,
-    k: int,
-    d: float,
-    n: Vec3,
-    dt: float,
-) -> bool:
-    """Add the force of slot k on particle i, at the distance d along n; True when the particle went through."""
-    state, force, w = particles.state, particles.force, near.wall[k]
-    r, m = state[i, 3], state[i, 7]
-    surface = surface_velocity(
-        walls, w, state[i, 0] - d * n.x, state[i, 1] - d * n.y, state[i, 2] - d * n.z, n
-    )
-    vx, vy, vz = state[i, 4] - surface.x, state[i, 5] - surface.y, state[i, 6] - surface.z
-    crossed = has_crossed(near, k, r, d, n, math.sqrt(vx * vx + vy * vy + vz * vz), dt)
-    wx, wy, wz = state[i, 8], state[i, 9], state[i, 10]
-    v = Vec3(
-        vx - d * (wy * n.z - wz * n.y),
-        vy - d * (wz * n.x - wx * n.z),
-        vz - d * (wx * n.y - wy * n.x),
-    )
-    a, b = particles.material[i], walls.material[w]
-    stiffness = series_stiffness(tables.youngs[a], tables.youngs[b], 2.0 * r, 2.0 * r)
-    pair = touching_pair(tables, a, b, stiffness, m, r)
-    turning = vector_at(walls.pose, w, SPIN_NOW)
-    spin = Vec3(wx - turning.x, wy - turning.y, wz - turning.z)
-    wrench = contact_wrench(model, pair, r - d, n, v, spin, recall(near.history, k), dt)
-    remember(near.history, k, wrench.history)
-    f, ft, couple = wrench.force, wrench.tangential, wrench.couple
-    force[i, 0] += f.x
-    force[i, 1] += f.y
-    force[i, 2] += f.z
-    force[i, 3] += couple.x - d * (n.y * ft.z - n.z * ft.y)
-    force[i, 4] += couple.y - d * (n.z * ft.x - n.x * ft.z)
-    force[i, 5] += couple.z - d * (n.x * ft.y - n.y * ft.x)
-    near.normal[k, 0], near.normal[k, 1], near.normal[k, 2] = n.x, n.y, n.z
-    near.push[k, 0], near.push[k, 1], near.push[k, 2] = f.x, f.y, f.z
-    return crossed
+@kernel
+def meet_triangles(
+    near: WallList, walls: Walls, begin: int, end: int, x: float, y: float, z: float, r: float
+) -> None:
+    """Decide which of the slots begin to end - 1, all of one mesh, are contacts of a particle."""
+    if measure_hits(near, walls, begin, end, x, y, z, r):
+        choose_contacts(near, begin, end, r)
+    carry_histories(near, begin, end, r)
 
 
 @kernel
@@ -118,32 +90,62 @@ def wall_forces(
     dt: float,
 ) -> None:
     """Add the forces of all wall contacts of particles first to last - 1; sets the alarm of the list when one of
-    them went through a wall."""
-    state = particles.state
+    them went through a wall.
+
+    Every array has a name of its own: one that is taken out of its record in the loop is counted as a reference
+    there, which cost four times the arithmetic.
+    """
+    state, force, kinds = particles.state, particles.force, particles.material
+    slot_wall, start, history, hit = near.wall, near.start, near.history, near.hit
+    normal, push = near.normal, near.push
+    wall_kind, pose, shape, wall_material = walls.kind, walls.pose, walls.shape, walls.material
+    youngs, values = tables.youngs, tables.pair
     for p in range(np.searchsorted(near.owner, first), np.searchsorted(near.owner, last)):
         i = near.owner[p]
-        x, y, z, r = state[i, 0], state[i, 1], state[i, 2], state[i, 3]
-        k = near.start[p]
-        while k < near.start[p + 1]:
-            w = near.wall[k]
-            end = k + 1
-            if walls.kind[w] == TRIANGLES:
-                while end < near.start[p + 1] and near.wall[end] == w:
-                    end += 1
-                if measure_hits(near, walls, k, end, x, y, z, r):
-                    choose_contacts(near, k, end, r)
-                carry_histories(near, k, end, r)
-            for slot in range(k, end):
-                if walls.kind[w] == TRIANGLES:
-                    d, n = near.hit[slot, 0], hit_normal(near, slot)
-                    touches = near.hit[slot, STATE] == ACCEPTED
-                else:
-                    d, n = wall_distance(walls, w, x, y, z)
-                    touches = d < r
-                if not touches:
-                    if near.history[slot, OVERLAP] != 0.0:
-                        forget_slot(near, slot)
-                elif press(model, tables, particles, walls, near, i, slot, d, n, dt):
-                    near.crossed[p] = w
-                    near.alarm[0] = True
-            k = end
+        x, y, z, r, m = state[i, 0], state[i, 1], state[i, 2], state[i, 3], state[i, 7]
+        wx, wy, wz = state[i, 8], state[i, 9], state[i, 10]
+        met = -1
+        for k in range(start[p], start[p + 1]):
+            w = slot_wall[k]
+            if wall_kind[w] == TRIANGLES:
+                if w != met:
+                    met, end = w, k + 1
+                    while end < start[p + 1] and slot_wall[end] == w:
+                        end += 1
+                    meet_triangles(near, walls, k, end, x, y, z, r)
+                d, n = hit[k, 0], vector_at(hit, k, 1)
+                touches = hit[k, STATE] == ACCEPTED
+            else:
+                d, n = wall_distance(wall_kind[w], shape, pose, w, x, y, z)
+                touches = d < r
+            if not touches:
+                if history[k, OVERLAP] != 0.0:
+                    forget(history, k)
+                    push[k, 0] = push[k, 1] = push[k, 2] = 0.0
+                continue
+            surface = surface_velocity(pose, shape, w, x - d * n.x, y - d * n.y, z - d * n.z, n)
+            vx, vy, vz = state[i, 4] - surface.x, state[i, 5] - surface.y, state[i, 6] - surface.z
+            speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+            if has_crossed(normal, history[k, OVERLAP], k, r, d, n, speed, dt):
+                near.crossed[p] = w
+                near.alarm[0] = True
+            v = Vec3(
+                vx - d * (wy * n.z - wz * n.y),
+                vy - d * (wz * n.x - wx * n.z),
+                vz - d * (wx * n.y - wy * n.x),
+            )
+            a, b = kinds[i], wall_material[w]
+            stiffness = series_stiffness(youngs[a], youngs[b], 2.0 * r, 2.0 * r)
+            pair = touching_pair(values, a, b, stiffness, m, r)
+            spin = Vec3(wx - pose[w, SPIN_NOW], wy - pose[w, SPIN_NOW + 1], wz - pose[w, SPIN_NOW + 2])
+            wrench = contact_wrench(model, pair, r - d, n, v, spin, recall(history, k), dt)
+            remember(history, k, wrench.history)
+            f, ft, couple = wrench.force, wrench.tangential, wrench.couple
+            force[i, 0] += f.x
+            force[i, 1] += f.y
+            force[i, 2] += f.z
+            force[i, 3] += couple.x - d * (n.y * ft.z - n.z * ft.y)
+            force[i, 4] += couple.y - d * (n.z * ft.x - n.x * ft.z)
+            force[i, 5] += couple.z - d * (n.x * ft.y - n.y * ft.x)
+            normal[k, 0], normal[k, 1], normal[k, 2] = n.x, n.y, n.z
+            push[k, 0], push[k, 1], push[k, 2] = f.x, f.y, f.z

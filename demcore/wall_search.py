@@ -49,13 +49,13 @@ def collect_slots(state: Floats, walls: Walls, skin: float, step: int, dt: float
             if not present[w]:
                 continue
             if walls.kind[w] != TRIANGLES:
-                d, _ = wall_distance(walls, w, x, y, z)
+                d, _ = wall_distance(walls.kind[w], walls.shape, walls.pose, w, x, y, z)
                 if d < reach:
                     slots = with_room(slots, total)
                     slots[total, 0], slots[total, 1], slots[total, 2] = i, w, -1
                     total += 1
                 continue
-            q = to_body(walls, w, x, y, z)
+            q = to_body(walls.pose, w, x, y, z)
             first, count = walls.first_triangle[w], walls.first_triangle[w + 1] - walls.first_triangle[w]
             box = walls.first_box[w]
             leaves = (walls.first_box[w + 1] - box) // 2
@@ -127,10 +127,10 @@ def first_inside(near: WallList, state: Floats, walls: Walls, step: int, dt: flo
             if first_step(walls.window[w, 0], dt) != step:
                 continue
             if near.triangle[k] >= 0:
-                q = to_body(walls, w, x, y, z)
+                q = to_body(walls.pose, w, x, y, z)
                 d, _, _ = triangle_distance(walls.triangle, walls.first_triangle[w] + near.triangle[k], q)
             else:
-                d, _ = wall_distance(walls, w, x, y, z)
+                d, _ = wall_distance(walls.kind[w], walls.shape, walls.pose, w, x, y, z)
             # A bed that a run starts from may have settled on the wall, as soft as it is.
             allowed = LARGEST_FIRST_OVERLAP if step > 0 else LARGEST_SETTLED_OVERLAP
             if r - d > allowed * r:

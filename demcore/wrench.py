@@ -55,10 +55,9 @@ def series_stiffness(youngs_i: float, youngs_j: float, size_i: float, size_j: fl
 
 
 @leaf
-def touching_pair(tables: Tables, a: int, b: int, stiffness: float, mass: float, radius: float) -> Pair:
-    """What the laws may know of a contact between materials a and b; element by element, because a row as an
-    array of its own would be counted as a reference, once per contact."""
-    p = tables.pair
+def touching_pair(p: Floats, a: int, b: int, stiffness: float, mass: float, radius: float) -> Pair:
+    """What the laws may know of a contact between materials a and b; `p` are the pair values of `Tables`, read
+    element by element, because a row as an array of its own would be counted as a reference, once per contact."""
     return Pair(
         mass,
         radius,

@@ -208,9 +208,9 @@ def set_home(walls: Walls, state: Floats, skin: float) -> None:
 
 
 @leaf
-def to_body(walls: Walls, w: int, x: float, y: float, z: float) -> Vec3:
+def to_body(pose: Floats, w: int, x: float, y: float, z: float) -> Vec3:
     """A point of the world in the frame of wall w."""
-    p = walls.pose
+    p = pose
     x, y, z = x - p[w, 0], y - p[w, 1], z - p[w, 2]
     return Vec3(
         p[w, 3] * x + p[w, 6] * y + p[w, 9] * z,
@@ -220,9 +220,9 @@ def to_body(walls: Walls, w: int, x: float, y: float, z: float) -> Vec3:
 
 
 @leaf
-def turn_to_world(walls: Walls, w: int, v: Vec3) -> Vec3:
+def turn_to_world(pose: Floats, w: int, v: Vec3) -> Vec3:
     """A direction of the frame of wall w in the world."""
-    p = walls.pose
+    p = pose
     return Vec3(
         p[w, 3] * v.x + p[w, 4] * v.y + p[w, 5] * v.z,
         p[w, 6] * v.x + p[w, 7] * v.y + p[w, 8] * v.z,
@@ -231,17 +231,17 @@ def turn_to_world(walls: Walls, w: int, v: Vec3) -> Vec3:
 
 
 @leaf
-def surface_velocity(walls: Walls, w: int, x: float, y: float, z: float, n: Vec3) -> Vec3:
+def surface_velocity(pose: Floats, shape: Floats, w: int, x: float, y: float, z: float, n: Vec3) -> Vec3:
     """Velocity of the surface of wall w at a point of the world with the normal n: travel, turn and belt, m/s."""
-    p = walls.pose
+    p = pose
     qx, qy, qz = x - p[w, PIVOT_NOW], y - p[w, PIVOT_NOW + 1], z - p[w, PIVOT_NOW + 2]
     sx, sy, sz = p[w, SPIN_NOW], p[w, SPIN_NOW + 1], p[w, SPIN_NOW + 2]
     vx = p[w, VELOCITY_NOW] + sy * qz - sz * qy
     vy = p[w, VELOCITY_NOW + 1] + sz * qx - sx * qz
     vz = p[w, VELOCITY_NOW + 2] + sx * qy - sy * qx
-    speed = walls.shape[w, BELT_SPEED]
+    speed = shape[w, BELT_SPEED]
     if speed > 0.0:
-        b = turn_to_world(walls, w, vector_at(walls.shape, w, BELT))
+        b = turn_to_world(pose, w, vector_at(shape, w, BELT))
         along = b.x * n.x + b.y * n.y + b.z * n.z
         bx, by, bz = b.x - along * n.x, b.y - along * n.y, b.z - along * n.z
         share = math.sqrt(bx * bx + by * by + bz * bz)

@@ -57,7 +57,7 @@ def one_at_a_time(model, particles, tables, steps):
             a, b = particles.material[i], particles.material[j]
             mass = state[i, 7] * state[j, 7] / (state[i, 7] + state[j, 7])
             stiffness = series_stiffness(tables.youngs[a], tables.youngs[b], 2 * state[i, 3], 2 * state[j, 3])
-            pair = touching_pair(tables, a, b, stiffness, mass, state[i, 3] * state[j, 3] / reach)
+            pair = touching_pair(tables.pair, a, b, stiffness, mass, state[i, 3] * state[j, 3] / reach)
             history = History(0.0, 0.0, 0.0, 0.0, zero, zero)
             total = np.zeros(9)
             for _ in range(steps):
