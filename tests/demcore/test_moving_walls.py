@@ -191,7 +191,7 @@ def test_no_wall_ever_meets_a_ball_that_the_list_has_not(wall):
 def distance(walls, q):
     """Of a point to the only wall there is; for a mesh by brute force over all of its triangles."""
     if len(walls.triangle) == 0:
-        return wall_distance(walls, 0, *q)[0]
+        return wall_distance(walls.kind[0], walls.shape, walls.pose, 0, *q)[0]
     turn, centre = walls.pose[0, 3:12].reshape(3, 3), walls.pose[0, :3]
     p = turn.T @ (q - centre)
     # The mesh is a plate at z = 0 of 0.4 m: its distance is that of a square.

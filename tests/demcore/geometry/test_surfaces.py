@@ -47,7 +47,7 @@ def test_a_shape_is_as_far_as_its_nearest_sampled_point(name):
     walls, points = wall_arrays([wall]), sampled(wall)
     rng = np.random.default_rng(3)
     for q in np.array(wall.centre) + rng.uniform(-0.8, 0.8, (60, 3)):
-        d, n = wall_distance(walls, 0, *q)
+        d, n = wall_distance(walls.kind[0], walls.shape, walls.pose, 0, *q)
         n = np.array(n)
         squared = ((points - q) ** 2).sum(axis=1)
         nearest = math.sqrt(squared.min())
@@ -55,13 +55,13 @@ def test_a_shape_is_as_far_as_its_nearest_sampled_point(name):
         assert -1e-12 <= nearest - d <= min(0.003, 0.003**2 / d)
         assert (n**2).sum() == pytest.approx(1.0, abs=1e-12)
         # The foot is a point of the surface: from there the surface is at no distance.
-        assert wall_distance(walls, 0, *(q - d * n))[0] < 1e-12
+        assert wall_distance(walls.kind[0], walls.shape, walls.pose, 0, *(q - d * n))[0] < 1e-12
 
 
 def test_a_plane_is_solid_below_its_axis():
     walls = wall_arrays([Wall("plane", centre=(0.0, 0.0, 1.0), axis=(0.0, 3.0, 4.0))])
     for q in ((0.3, 0.1, 2.0), (-5.0, 0.1, 0.5)):
-        d, n = wall_distance(walls, 0, *q)
+        d, n = wall_distance(walls.kind[0], walls.shape, walls.pose, 0, *q)
         assert d == pytest.approx(0.6 * q[1] + 0.8 * (q[2] - 1.0), abs=1e-15)
         assert tuple(n) == pytest.approx((0.0, 0.6, 0.8), abs=1e-15)
 
@@ -77,7 +77,8 @@ def test_a_plane_is_solid_below_its_axis():
 )
 def test_on_the_axis_there_is_a_distance_too(wall, point, distance):
     # A ball dropped on the axis of a funnel or an orifice must not fall through.
-    d, n = wall_distance(wall_arrays([wall]), 0, *point)
+    walls = wall_arrays([wall])
+    d, n = wall_distance(walls.kind[0], walls.shape, walls.pose, 0, *point)
     assert d == pytest.approx(distance, abs=1e-15)
     assert math.hypot(*n) == pytest.approx(1.0)
 
