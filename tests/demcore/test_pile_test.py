@@ -198,16 +198,3 @@ def test_a_lifted_cylinder_leaves_a_pile_too():
     with pytest.raises(InputError) as caught:
         small_test(lift_speed=0.0)
     assert caught.value.field == "lift_speed"
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(1500)
-def test_the_literal_reading_comes_nearer_to_the_scan_as_grains_get_finer():
-    # physics.md section 5: "it converges to it as the particles get finer (show that)"; three scales, two seeds
-    gaps, few = [], []
-    for scale in (2.4, 1.6, 1.0):
-        piles = [run_pile_test(small_test(scale=scale, seed=seed)) for seed in (1, 2)]
-        gaps.append(np.mean([p.angle_deg - p.literal_angle_deg for p in piles]))
-        few.append(np.mean([p.literal_share_few for p in piles]))
-    assert gaps[0] > gaps[1] > gaps[2] > 0.0
-    assert few[0] > few[1] > few[2]
