@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
@@ -216,7 +217,11 @@ def load_material(name: str) -> Material:
     table = _table()
     if name not in table:
         raise InputError("material", name, "one of " + ", ".join(table))
-    row = table[name]
+    return material_from_row(name, table[name])
+
+
+def material_from_row(name: str, row: Mapping[str, Any]) -> Material:
+    """A material from its table in a TOML file, whose keys name their units; see data/materials.toml."""
     sizes = tuple(SizeClass(c["lower_mm"] / 1e3, c["upper_mm"] / 1e3, c["mass_share"]) for c in row["sizes"])
     return Material(
         name=name,

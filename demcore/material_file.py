@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from demcore.errors import InputError
-from demcore.material import Material, SizeClass, SizeDistribution, WallRestitution
+from demcore.material import Material, material_from_row
 
 NUMBERS = (
     "bulk_density_kg_m3",
@@ -42,24 +42,14 @@ def read_material(path: Path, name: str) -> Material:
     window = row.get("window_deg", [0.0, 90.0])
     if not isinstance(window, list) or len(window) != 2:
         raise InputError(f"{name}.window_deg", window, "two angles in degrees")
-    return Material(
-        name=name,
-        bulk_density=numbers["bulk_density_kg_m3"],
-        packing_fraction=numbers["packing_fraction"],
-        youngs_modulus=numbers["youngs_modulus_pa"],
-        poisson_ratio=numbers["poisson_ratio"],
-        long_term_damping=numbers["long_term_damping"],
-        dynamic_friction_ratio=numbers["dynamic_friction_ratio"],
-        wall_restitution=tuple(
-            WallRestitution(value, mass_share) for value, mass_share in lists["wall_restitution"]
-        ),
-        sizes=SizeDistribution(
-            tuple(SizeClass(lower / 1e3, upper / 1e3, share) for lower, upper, share in lists["sizes"])
-        ),
-        target_deg=_number(f"{name}.target_deg", row.get("target_deg", 45.0)),
-        window_deg=(_number(f"{name}.window_deg", window[0]), _number(f"{name}.window_deg", window[1])),
-        constraints=tuple(str(text) for text in row.get("constraints", ())),
-    )
+    checked: dict[str, Any] = {
+        **numbers,
+        **lists,
+        "target_deg": _number(f"{name}.target_deg", row.get("target_deg", 45.0)),
+        "window_deg": [_number(f"{name}.window_deg", angle) for angle in window],
+        "constraints": [str(text) for text in row.get("constraints", ())],
+    }
+    return material_from_row(name, checked)
 
 
 def _tables(path: Path) -> dict[str, Any]:
@@ -93,11 +83,11 @@ def _number(field: str, value: Any) -> float:
     return float(value)
 
 
-def _rows(field: str, value: Any, columns: tuple[str, ...]) -> list[tuple[float, ...]]:
+def _rows(field: str, value: Any, columns: tuple[str, ...]) -> list[dict[str, float]]:
     if not isinstance(value, list) or not all(isinstance(row, dict) for row in value):
         raise InputError(field, value, "a list of tables with " + ", ".join(columns))
     rows = []
     for k, row in enumerate(value):
         _check_keys(f"{field}[{k}]", row, columns, ())
-        rows.append(tuple(_number(f"{field}[{k}].{name}", row[name]) for name in columns))
+        rows.append({name: _number(f"{field}[{k}].{name}", row[name]) for name in columns})
     return rows

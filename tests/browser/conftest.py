@@ -86,6 +86,7 @@ class Faults:
 def browser() -> Iterator[Browser]:
     reason = missing()
     if reason is not None:
+        # A browser is not among what a fresh machine has; `missing` says what to install.
         pytest.skip(f"browser tests: {reason}")
     with running_chromium() as found:
         yield found

@@ -145,6 +145,7 @@ def test_the_log_of_liggghts_is_read():
         read_log("ERROR: Unknown pair style (./src/input.cpp:1611)\n", 100)
 
 
+# A rival for comparisons, which a fresh machine does not have and CI does not install.
 @pytest.mark.skipif(shutil.which("liggghts") is None, reason="LIGGGHTS is not installed")
 def test_liggghts_and_demcore_count_the_same_contacts():
     bed = load_bed("cylinder")
