@@ -140,7 +140,8 @@ class _Loop:
             self._frame()
         now = time.monotonic()
         run.wall_seconds = self.spent_before + now - self.started
-        if self.on_progress is not None and now - self.reported >= REPORT_SECONDS:
+        # Not of the end: its report comes once, from end(), and a time is reported once.
+        if self.on_progress is not None and not run.ended and now - self.reported >= REPORT_SECONDS:
             self._report()
             self.reported = time.monotonic()
         if self.path is not None and not run.ended and now - self.saved >= self.save_seconds:
@@ -167,7 +168,7 @@ class _Loop:
 
     def _report(self) -> None:
         assert self.on_progress is not None
-        if self.on_progress(self._progress()) is not False or self.run.ended:
+        if self.on_progress(self._progress()) is not False:
             return
         where = ""
         if self.path is not None:
