@@ -20,7 +20,7 @@ from demcore.picture import draw_pile
 from demcore.rig import load_rig
 from demcore.run import Progress
 from service.domain.outcome import PileMeasurement, StoredArtifact
-from service.domain.search_space import PARAMETERS
+from service.domain.search_space import default_values
 from service.settings import Settings
 from service.studies.claim_job import Claim
 
@@ -64,24 +64,26 @@ def forget_checkpoint(job_id: str, settings: Settings) -> None:
 
 def compile_kernels() -> None:
     """Make the first chunk of a small pile test, so that a worker's children are forked with compiled kernels."""
-    defaults = {name: limit.default_value for name, limit in PARAMETERS.items()}
     test = PileTest(
-        load_material("pellet"), load_rig("pellet"), ContactParameters(**defaults), scale=4.0, fill_level=0.2
+        load_material("pellet"),
+        load_rig("pellet"),
+        ContactParameters(**default_values()),
+        scale=4.0,
+        fill_level=0.2,
     )
     with suppress(Cancelled):
         run_pile_test(test, on_progress=lambda _progress: False)
 
 
 def pile_test(claim: Claim) -> PileTest:
-    """The virtual experiment of a design: searched values, then fixed ones, then defaults."""
+    """The virtual experiment of a design: what the study says of it, else defaults."""
     spec = claim.spec
-    defaults = {name: limit.default_value for name, limit in PARAMETERS.items()}
-    values = {**defaults, **spec.fixed, **spec.space.as_dict(claim.x)}
+    values = {**default_values(), **spec.parameters_of(claim.x)}
     return PileTest(
         material=load_material(spec.material),
         rig=load_rig(spec.material),
         parameters=ContactParameters(**values),
-        scale=spec.scale,
+        scale=claim.scale,
         seed=claim.seed,
         fill_level=spec.fill_level,
         time_step=spec.time_step,

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from service.domain.history import ProposedDesign, StudyHistory, StudyStop
-from worker.optimizer.history import Design, History, Pending
+from service.domain.history import FinishedDesign, ProposedDesign, StudyHistory, StudyStop
+from service.domain.study import StudySpec
+from worker.optimizer.history import Design, History, Pending, WarmStudy
 from worker.optimizer.proposal import propose
 from worker.optimizer.stopping import Stop, recommend
 
@@ -21,6 +22,7 @@ def next_design(history: StudyHistory) -> ProposedDesign | StudyStop:
         seed=int(answer.seed),
         origin=answer.origin,
         reason=answer.reason,
+        scale=answer.scale,
         prediction=None if answer.prediction is None else asdict(answer.prediction),
         acquisition=answer.acquisition,
         training_hash=answer.training_hash,
@@ -37,7 +39,24 @@ def recommendation(history: StudyHistory) -> dict[str, Any] | None:
 
 
 def _history(history: StudyHistory) -> History:
+    spec = history.spec
+    done = [_design(spec, d) for d in history.finished]
+    waiting = [Pending(p.number, p.x, p.seed, p.origin, p.scale) for p in history.pending]
     return History(
-        finished=tuple(Design(d.number, d.x, d.seed, d.angle_deg, d.origin) for d in history.finished),
-        pending=tuple(Pending(p.number, p.x, p.seed, p.origin) for p in history.pending),
+        finished=tuple(d for d in done if d.scale == spec.scale),
+        pending=tuple(p for p in waiting if p.scale == spec.scale),
+        coarse=tuple(d for d in done if d.scale != spec.scale),
+        coarse_pending=tuple(p for p in waiting if p.scale != spec.scale),
+        warm=tuple(WarmStudy(w.study_id, tuple(_design(spec, d) for d in w.finished)) for w in history.warm),
+        noise={
+            r.observable: history.noise[r.observable] for r in spec.responses if r.observable in history.noise
+        },
     )
+
+
+def _design(spec: StudySpec, design: FinishedDesign) -> Design:
+    """A design that lacks one of the study's responses counts as failed; other observables are left out."""
+    found = design.results or {}
+    asked = [r.observable for r in spec.responses]
+    results = {name: found[name] for name in asked} if all(name in found for name in asked) else None
+    return Design(design.number, design.x, design.seed, results, design.origin, design.scale)

@@ -11,8 +11,9 @@ from demcore.errors import InputError
 from demcore.material import Material, load_material
 from demcore.rig import coarsest_scale, load_rig
 from service.domain.errors import InvalidValue
-from service.domain.search_space import PARAMETERS, SearchSpace, Variable, default_space
-from service.domain.study import Objective, StudySpec
+from service.domain.observables import ANGLE
+from service.domain.search_space import PARAMETERS, SearchSpace, Variable, default_space, default_values
+from service.domain.study import Response, StudySpec
 
 _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -100,7 +101,7 @@ class StudyBody(BaseModel):
             material=material.name,
             scale=scale,
             space=self._space(),
-            objective=self._objective(material),
+            responses=(self._response(material),),
             budget=self.budget,
             initial_designs=self.initial_designs,
             replicates=self.replicates,
@@ -121,10 +122,10 @@ class StudyBody(BaseModel):
     def _fixed(self) -> dict[str, float]:
         """Every parameter that is not searched has a stored value: a design is then complete by itself."""
         searched = set(self._space().names)
-        middles = {name: limit.default_value for name, limit in PARAMETERS.items() if name not in searched}
+        middles = {name: value for name, value in default_values().items() if name not in searched}
         return {**middles, **self.fixed}
 
-    def _objective(self, material: Material) -> Objective:
+    def _response(self, material: Material) -> Response:
         asked = self.objective
         target = material.target_deg if asked.target_deg is None else asked.target_deg
         if asked.window_deg is not None:
@@ -133,7 +134,13 @@ class StudyBody(BaseModel):
             # Rounded, because 30.1 + 0.5 is 30.600000000000001 and is shown to people.
             lower, upper = (round(target + limit - material.target_deg, 9) for limit in material.window_deg)
             window = (lower, upper)
-        return Objective(target, window, asked.tolerance_deg)
+        try:
+            return Response(ANGLE, target, window, asked.tolerance_deg)
+        except InvalidValue as error:
+            _, _, name, *rest = error.field.split(".")
+            raise InvalidValue(
+                ".".join(["objective", f"{name}_deg", *rest]), error.value, error.allowed
+            ) from error
 
 
 def _material(name: str) -> Material:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field
 
 from service.db.models import ArtifactRow, JobRow, RunRow, StudyRow
 from service.db.read_models import DesignView
+from service.domain.spec_record import upgraded
 from service.domain.states import DesignState, JobKind, JobState, StudyState, Verdict
 
 
@@ -60,7 +61,7 @@ class StudyAnswer(BaseModel):
             id=row.id,
             state=row.state,
             material=row.material,
-            spec=row.spec,
+            spec=upgraded(row.spec),
             budget=row.budget,
             seed=row.seed,
             counters=Counters(feasible=row.feasible, unfeasible=row.unfeasible, error=row.error),

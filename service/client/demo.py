@@ -76,7 +76,7 @@ def follow(client: Client, study: Mapping[str, Any], console: Console) -> None:
     """Shows the study until it is over: a live table in a terminal, a line per finished design elsewhere."""
     view = StudyView.of(study, time.monotonic())
     spec = study["spec"]
-    lower, upper = spec["objective"]["window_deg"]
+    lower, upper = spec["responses"][0]["window"]
     title = (
         f"{spec['material']} at scale {spec['scale']:g}, repose angle {view.target_deg:g}° "
         f"({lower:g} to {upper:g}), seed {spec['seed']}"
@@ -99,8 +99,8 @@ def summarise(study: Mapping[str, Any], minutes: float) -> dict[str, Any]:
     return {
         "material": spec["material"],
         "scale": spec["scale"],
-        "target_deg": spec["objective"]["target_deg"],
-        "window_deg": spec["objective"]["window_deg"],
+        "target_deg": spec["responses"][0]["target"],
+        "window_deg": spec["responses"][0]["window"],
         "optimum": found.get("x", {}),
         "angle_deg": found.get("mean_deg"),
         "repeats_deg": list(found.get("replicates_deg", [])),

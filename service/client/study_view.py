@@ -45,7 +45,7 @@ class StudyView:
     def of(cls, study: Mapping[str, Any], now: float) -> StudyView:
         """From the answer to POST or GET /v1/studies."""
         spec = study["spec"]
-        target = float(spec["objective"]["target_deg"])
+        target = float(spec["responses"][0]["target"])
         return cls(target, int(study["budget"]), tuple(spec["variables"]), now)
 
     @property

@@ -7,6 +7,7 @@ from typing import Any
 
 from service.dashboard import words
 from service.db.models import DesignRow, StudyRow
+from service.domain.spec_record import primary_response
 from service.domain.states import Verdict
 
 # Where the scan fits its line, as shares of the base's radius (demcore/observables/repose_angle.py).
@@ -15,10 +16,10 @@ FIT_FROM, FIT_TO = 0.15, 0.90
 
 def angle_chart(study: StudyRow, designs: Sequence[DesignRow], chosen: Collection[int]) -> dict[str, Any]:
     """Angle against simulation number. `chosen`: the numbers whose parameters are best or recommended."""
-    objective = study.spec["objective"]
+    response = primary_response(study.spec)
     return {
-        "target": objective["target_deg"],
-        "window": objective["window_deg"],
+        "target": response["target"],
+        "window": response["window"],
         "budget": study.budget,
         "parameters": {name: words.parameter_name(name) for name in study.spec["variables"]},
         "recommended": study.recommendation is not None,

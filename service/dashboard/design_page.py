@@ -15,6 +15,7 @@ from service.db import dashboard_reads, read_models
 from service.db.dashboard_reads import OpenJob
 from service.db.models import ArtifactRow, DesignRow, RunRow, StudyRow
 from service.db.read_models import DesignView
+from service.domain.spec_record import primary_response
 from service.domain.states import is_over
 
 
@@ -75,10 +76,10 @@ class DesignPage:
 
     @property
     def charts(self) -> dict[str, Any]:
-        objective = self.study.spec["objective"]
+        response = primary_response(self.study.spec)
         return {
             "profile": charts.profile_chart(self.design),
-            "sectors": charts.sector_chart(self.design, objective["target_deg"], objective["window_deg"]),
+            "sectors": charts.sector_chart(self.design, response["target"], response["window"]),
         }
 
     @property

@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 
 from markupsafe import Markup, escape
 
+from service.domain.spec_record import primary_response
+
 NOTHING = "–"
 THIN = "\u202f"  # narrow no-break space: between a number and its unit, and between thousands
 FIXED = "\u00a0"  # no-break space
@@ -139,6 +141,7 @@ FILTERS = {
     "degrees": degrees,
     "degrees_within": degrees_within,
     "plain_degrees": plain_degrees,
+    "primary_response": primary_response,
     "parameter": parameter,
     "percent": percent,
     "chance": chance,

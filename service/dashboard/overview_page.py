@@ -11,6 +11,7 @@ from service.dashboard.gauge import Gauge, draw_gauge
 from service.db import dashboard_reads, queries, read_models
 from service.db.dashboard_reads import Health, Observed, OpenJob
 from service.db.models import StudyRow
+from service.domain.spec_record import primary_response
 from service.domain.states import is_over
 
 STUDIES_A_PAGE = 25
@@ -35,12 +36,12 @@ class StudyLine:
     @property
     def gauge(self) -> Gauge | None:
         """None: there is no angle yet."""
-        goal, found = self.study.spec["objective"], self.study.recommendation or {}
+        goal, found = primary_response(self.study.spec), self.study.recommendation or {}
         middle = found.get("mean_deg", self.best.angle_deg if self.best else None)
         if middle is None:
             return None
-        lower, upper = goal["window_deg"]
-        return draw_gauge((lower, upper), goal["target_deg"], middle, found.get("half_width_90_deg"))
+        lower, upper = goal["window"]
+        return draw_gauge((lower, upper), goal["target"], middle, found.get("half_width_90_deg"))
 
     @property
     def seconds(self) -> float:
@@ -92,7 +93,7 @@ def read_overview(session: Session, before: int | None = None) -> OverviewPage:
 
 
 def _best(study: StudyRow, seen: Sequence[Observed]) -> Observed | None:
-    target = float(study.spec["objective"]["target_deg"])
+    target = float(primary_response(study.spec)["target"])
     return min(seen, key=lambda one: abs(one.angle_deg - target), default=None)
 
 

@@ -15,6 +15,7 @@ from service.db import dashboard_reads, read_models
 from service.db.dashboard_reads import Health, StudySnapshot
 from service.db.models import ArtifactRow, DesignRow, StudyRow
 from service.db.read_models import DesignView
+from service.domain.spec_record import primary_response
 from service.domain.states import StudyState, Verdict, is_over
 
 # The certificate's demand on the window (worker/optimizer/acquisition.py, calibration.md decision 5).
@@ -81,7 +82,7 @@ class StudyPage:
 
     @property
     def window(self) -> tuple[float, float]:
-        lower, upper = self.study.spec["objective"]["window_deg"]
+        lower, upper = primary_response(self.study.spec)["window"]
         return lower, upper
 
     @property
@@ -144,8 +145,8 @@ def picture_of(view: DesignView | None) -> ArtifactRow | None:
 
 def headline_of(study: StudyRow, designs: Any) -> Headline:
     """The recommendation where there is one, else the simulation nearest to the target."""
-    objective = study.spec["objective"]
-    lower, upper = objective["window_deg"]
+    response = primary_response(study.spec)
+    lower, upper = response["window"]
     verdict, tone = _verdict(study)
     found = study.recommendation
     if found is not None:
@@ -163,9 +164,9 @@ def headline_of(study: StudyRow, designs: Any) -> Headline:
             x=found.get("x") or {},
             numbers=tuple(found.get("numbers") or ()),
             reason=study.stop_text,
-            gauge=draw_gauge((lower, upper), objective["target_deg"], mean, half, repeats),
+            gauge=draw_gauge((lower, upper), response["target"], mean, half, repeats),
         )
-    best = nearest(designs, objective["target_deg"])
+    best = nearest(designs, response["target"])
     angle = best.angle_deg if best is not None else None
     return Headline(
         verdict=verdict,
@@ -179,7 +180,7 @@ def headline_of(study: StudyRow, designs: Any) -> Headline:
         x=best.x if best is not None else {},
         numbers=(best.number,) if best is not None else (),
         reason=study.stop_text,
-        gauge=draw_gauge((lower, upper), objective["target_deg"], angle),
+        gauge=draw_gauge((lower, upper), response["target"], angle),
     )
 
 
@@ -202,8 +203,8 @@ def _verdict(study: StudyRow) -> tuple[Word, str]:
 def certificate_checks(found: Mapping[str, Any], spec: Mapping[str, Any]) -> list[Check]:
     """The stored figures of a recommendation beside what the study asked for."""
     miss, inside = found.get("expected_miss_deg"), found.get("window_probability")
-    seeds, tolerance = len(found.get("replicates_deg") or ()), spec["objective"]["tolerance_deg"]
-    lower, upper = spec["objective"]["window_deg"]
+    seeds, tolerance = len(found.get("replicates_deg") or ()), primary_response(spec)["tolerance"]
+    lower, upper = primary_response(spec)["window"]
     window = f"of {formats.plain_degrees(lower)} to {formats.plain_degrees(upper)}: at least "
     return [
         Check(

@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from service.db.clock import database_now
 from service.db.models import ArtifactRow, DesignRow, EventRow, JobRow, ProcessRow, RunRow, StudyRow
+from service.domain.spec_record import primary_response
 from service.domain.states import JobState
 
 
@@ -36,7 +37,7 @@ class StudyPage:
     @property
     def best(self) -> DesignView | None:
         """The design whose observed angle is nearest to the target; the first of equals."""
-        target = float(self.study.spec["objective"]["target_deg"])
+        target = float(primary_response(self.study.spec)["target"])
         seen = [(abs(d.design.angle_deg - target), d) for d in self.designs if d.design.angle_deg is not None]
         return min(seen, key=lambda pair: pair[0])[1] if seen else None
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from service.domain.observables import read_observables
 from service.domain.states import Verdict
-from service.domain.study import Objective
+from service.domain.study import Response
 
 
 class FailureClass(StrEnum):
@@ -52,6 +53,12 @@ class PileMeasurement:
     results: Mapping[str, Any]
     artifacts: tuple[StoredArtifact, ...] = ()
 
+    @property
+    def observed(self) -> dict[str, float]:
+        """By observable."""
+        angles = {"angle_deg": self.angle_deg, "literal_angle_deg": self.literal_angle_deg}
+        return read_observables({**self.results, **angles})
+
 
 @dataclass(frozen=True)
 class RunCost:
@@ -66,6 +73,9 @@ class RunCost:
     details: Mapping[str, Any] = field(default_factory=dict)
 
 
-def judge(objective: Objective, angle_deg: float) -> Verdict:
-    """Feasible where the scanned angle lies in the objective's window, ends included."""
-    return Verdict.FEASIBLE if objective.contains(angle_deg) else Verdict.UNFEASIBLE
+def judge(responses: Sequence[Response], results: Mapping[str, float]) -> Verdict:
+    """Feasible where every response lies in its window, ends included; an error where one was not measured."""
+    if any(r.observable not in results for r in responses):
+        return Verdict.ERROR
+    inside = all(r.contains(results[r.observable]) for r in responses)
+    return Verdict.FEASIBLE if inside else Verdict.UNFEASIBLE

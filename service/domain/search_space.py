@@ -26,14 +26,14 @@ class ParameterRange:
     meaning: str
 
     @property
-    def default_value(self) -> float:
-        """The middle of the default search range: the value where a study neither searches nor fixes it."""
+    def middle(self) -> float:
+        """Of the default search range."""
         return round((self.default_lower + self.default_upper) / 2.0, 12)
 
 
 # The four variables of the paper (section 2.1). The default ranges hold its optima (Table 5) with room on
 # both sides; the outer limits are the contact model's own (e = 0 makes the unloading stiffness infinite).
-PARAMETERS: Mapping[str, ParameterRange] = {
+PAPER_PARAMETERS: Mapping[str, ParameterRange] = {
     "particle_particle_static_friction": ParameterRange(
         0.0, 2.0, 0.1, 0.9, "Coulomb friction between particles before they slide"
     ),
@@ -47,6 +47,31 @@ PARAMETERS: Mapping[str, ParameterRange] = {
         0.0, 5.0, 0.05, 0.6, "limit of the rolling couple over normal force and rolling radius (type 3)"
     ),
 }
+
+# The rest of the contact model. Where a study neither searches, fixes nor derives one of these, the material's
+# own value holds, or (rolling at walls) that of the grains: there is no number that suits every material.
+FURTHER_PARAMETERS: Mapping[str, ParameterRange] = {
+    "particle_wall_restitution": ParameterRange(
+        0.05, 1.0, 0.1, 0.6, "rebound over impact speed of a particle at steel"
+    ),
+    "particle_wall_rolling_resistance": ParameterRange(
+        0.0, 5.0, 0.05, 0.6, "rolling resistance of a particle on steel"
+    ),
+    "dynamic_friction_ratio": ParameterRange(
+        0.0, 1.0, 0.5, 1.0, "dynamic over static friction, of all contacts"
+    ),
+    "youngs_modulus_pa": ParameterRange(
+        1e5, 1e11, 1e6, 1e8, "Young's modulus of the grains in the simulation"
+    ),
+    "poisson_ratio": ParameterRange(0.0, 0.49, 0.15, 0.35, "Poisson ratio of the grains"),
+}
+
+PARAMETERS: Mapping[str, ParameterRange] = {**PAPER_PARAMETERS, **FURTHER_PARAMETERS}
+
+
+def default_values() -> dict[str, float]:
+    """What the paper's four are where a study says nothing of them: the middles of their ranges."""
+    return {name: limit.middle for name, limit in PAPER_PARAMETERS.items()}
 
 
 def _finite(field: str, value: object) -> float:
@@ -134,5 +159,5 @@ class SearchSpace:
 def default_space() -> SearchSpace:
     """The paper's four variables over their default ranges, to two decimals as the paper reports them."""
     return SearchSpace(
-        tuple(Variable(name, r.default_lower, r.default_upper, 0.01) for name, r in PARAMETERS.items())
+        tuple(Variable(name, r.default_lower, r.default_upper, 0.01) for name, r in PAPER_PARAMETERS.items())
     )

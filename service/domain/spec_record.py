@@ -1,18 +1,24 @@
-"""A StudySpec as the JSON that is stored and shown, and back: `spec_from_record(spec_to_record(s)) == s`."""
+"""A StudySpec as the JSON that is stored and shown, and back: `spec_from_record(spec_to_record(s)) == s`.
+
+Records of the first version hold one `objective` in degrees and no strategy; `upgraded` reads them as the study
+that they were. Stored JSON is never changed.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
+from service.domain.observables import ANGLE
 from service.domain.search_space import SearchSpace, Variable
-from service.domain.study import Objective, StudySpec
+from service.domain.study import CoarsePrior, Response, StudySpec, TableRow
 
 PLAIN_FIELDS = (
     "material",
     "scale",
+    "strategy",
     "budget",
     "initial_designs",
     "replicates",
@@ -25,33 +31,77 @@ PLAIN_FIELDS = (
 
 def spec_to_record(spec: StudySpec) -> dict[str, Any]:
     """Plain JSON types only; variables in the order of the space."""
+    coarse = spec.coarse
     return {
         **{name: getattr(spec, name) for name in PLAIN_FIELDS},
-        "objective": {
-            "target_deg": spec.objective.target_deg,
-            "window_deg": list(spec.objective.window_deg),
-            "tolerance_deg": spec.objective.tolerance_deg,
-        },
+        "responses": [_response_record(response) for response in spec.responses],
         "variables": {
             v.name: {"lower": v.lower, "upper": v.upper, "step": v.step} for v in spec.space.variables
         },
         "fixed": dict(spec.fixed),
+        "derived": dict(spec.derived),
+        "table": [
+            {"x": dict(row.x), "results": None if row.results is None else dict(row.results)}
+            for row in spec.table
+        ],
+        "coarse": None if coarse is None else {"scale": coarse.scale, "runs": coarse.runs},
+        "warm_start": list(spec.warm_start),
     }
+
+
+def _response_record(response: Response) -> dict[str, Any]:
+    return {
+        "observable": response.observable,
+        "target": response.target,
+        "window": list(response.window),
+        "tolerance": response.tolerance,
+        "uncertainty": response.uncertainty,
+    }
+
+
+def upgraded(record: Mapping[str, Any]) -> dict[str, Any]:
+    """A stored record of any version as one of today's."""
+    if "objective" not in record:
+        return dict(record)
+    old = record["objective"]
+    angle = {
+        "observable": ANGLE,
+        "target": old["target_deg"],
+        "window": list(old["window_deg"]),
+        "tolerance": old["tolerance_deg"],
+        "uncertainty": 0.0,
+    }
+    new: dict[str, Any] = {"strategy": "auto", "derived": {}, "table": [], "coarse": None, "warm_start": []}
+    rest = {name: value for name, value in record.items() if name != "objective"}
+    return {**new, **rest, "responses": [angle]}
+
+
+def primary_response(record: Mapping[str, Any]) -> dict[str, Any]:
+    """The first response of a stored record: observable, target, window, tolerance, uncertainty."""
+    first: dict[str, Any] = upgraded(record)["responses"][0]
+    return first
 
 
 def spec_from_record(record: Mapping[str, Any]) -> StudySpec:
     """The spec that was stored; validated again by its own constructors."""
-    objective = record["objective"]
-    lower, upper = objective["window_deg"]
+    stored = upgraded(record)
     return StudySpec(
-        space=SearchSpace(tuple(Variable(name, **row) for name, row in record["variables"].items())),
-        objective=Objective(objective["target_deg"], (lower, upper), objective["tolerance_deg"]),
-        fixed=record["fixed"],
-        **{name: record[name] for name in PLAIN_FIELDS},
+        space=SearchSpace(tuple(Variable(name, **row) for name, row in stored["variables"].items())),
+        responses=tuple(_response(row) for row in stored["responses"]),
+        fixed=stored["fixed"],
+        derived=stored["derived"],
+        table=tuple(TableRow(row["x"], row["results"]) for row in stored["table"]),
+        coarse=None if stored["coarse"] is None else CoarsePrior(**stored["coarse"]),
+        warm_start=tuple(stored["warm_start"]),
+        **{name: stored[name] for name in PLAIN_FIELDS},
     )
 
 
-def design_hash(names: Sequence[str], x: Sequence[float], fixed: Mapping[str, float]) -> str:
-    """sha256 of all contact parameters of a design, searched or fixed: its key beside scale and seed."""
-    values = {**dict(zip(names, x, strict=True)), **fixed}
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+def _response(row: Mapping[str, Any]) -> Response:
+    lower, upper = row["window"]
+    return Response(row["observable"], row["target"], (lower, upper), row["tolerance"], row["uncertainty"])
+
+
+def design_hash(parameters: Mapping[str, float]) -> str:
+    """sha256 of all contact parameters of a design (`StudySpec.parameters_of`): its key beside scale and seed."""
+    return hashlib.sha256(json.dumps(dict(parameters), sort_keys=True).encode()).hexdigest()

@@ -19,7 +19,7 @@ from service.studies.record_event import record_design_event
 
 @dataclass(frozen=True)
 class Claim:
-    """A claimed job. `x` and `seed` are of the design to simulate; `history` is for the other kinds."""
+    """A claimed job. `x`, `seed` and `scale` are of the design to simulate; `history` is for the other kinds."""
 
     lease: Lease
     kind: JobKind
@@ -31,6 +31,7 @@ class Claim:
     design_number: int | None = None
     x: tuple[float, ...] = ()
     seed: int = 0
+    scale: float = 1.0
     history: StudyHistory | None = None
 
 
@@ -57,4 +58,5 @@ def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> 
     record_design_event(session, design, "design_started", attempt=job.attempt)
     x = tuple(float(design.x[name]) for name in spec.space.names)
     factor = job.time_step_factor
-    return Claim(lease, job.kind, study.id, spec, factor, left, design.id, design.number, x, design.seed)
+    run = (design.id, design.number, x, design.seed, design.scale)
+    return Claim(lease, job.kind, study.id, spec, factor, left, *run)

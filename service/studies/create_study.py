@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from service.db.models import StudyRow
 from service.domain.spec_record import spec_to_record
 from service.domain.states import StudyState
-from service.domain.study import StudySpec
+from service.domain.study import StudySpec, refuse_tolerance_below_noise
 from service.studies.advance_study import advance_study
 from service.studies.record_event import record_study_event
 
@@ -24,7 +24,11 @@ class KeyReused(ValueError):
 def create_study(
     session: Session, spec: StudySpec, idempotency_key: str | None = None
 ) -> tuple[StudyRow, bool]:
-    """The study's row, and whether it is new: the same key and spec give the stored study again."""
+    """The study's row, and whether it is new: the same key and spec give the stored study again.
+
+    Raises InvalidValue for a tolerance under half the noise.
+    """
+    refuse_tolerance_below_noise(spec)
     record = spec_to_record(spec)
     request_hash = hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
     study = StudyRow(

@@ -7,6 +7,7 @@ from sqlalchemy.orm import Session
 
 from service.db.models import DesignRow, StudyRow
 from service.domain.history import FinishedDesign, PendingDesign, StudyHistory
+from service.domain.observables import read_observables
 from service.domain.spec_record import spec_from_record
 from service.domain.states import DesignState, is_over
 from service.studies.advance_study import last_seen, next_number
@@ -39,7 +40,15 @@ def _history(session: Session, study: StudyRow, number: int, basis: int) -> Stud
     for row in rows:
         x = tuple(float(row.x[name]) for name in spec.space.names)
         if row.number <= basis and is_over(row.state):
-            finished.append(FinishedDesign(row.number, x, row.seed, row.angle_deg, row.origin))
+            finished.append(FinishedDesign(row.number, x, row.seed, _results(row), row.origin, row.scale))
         else:
-            pending.append(PendingDesign(row.number, x, row.seed, row.origin))
+            pending.append(PendingDesign(row.number, x, row.seed, row.origin, row.scale))
     return StudyHistory(spec, number, tuple(finished), tuple(pending))
+
+
+def _results(row: DesignRow) -> dict[str, float] | None:
+    """By observable; None after an error. The angles have columns of their own."""
+    if row.state is not DesignState.COMPLETE:
+        return None
+    angles = {"angle_deg": row.angle_deg, "literal_angle_deg": row.literal_angle_deg}
+    return read_observables({**(row.results or {}), **angles})

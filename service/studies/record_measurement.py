@@ -31,11 +31,13 @@ def record_measurement(
     design.angle_sd_deg = measurement.angle_sd_deg
     design.literal_angle_deg = measurement.literal_angle_deg
     design.results = dict(measurement.results)
-    design.verdict = judge(spec_from_record(study.spec).objective, measurement.angle_deg)
+    design.verdict = judge(spec_from_record(study.spec).responses, measurement.observed)
     if design.verdict is Verdict.FEASIBLE:
         study.feasible += 1
-    else:
+    elif design.verdict is Verdict.UNFEASIBLE:
         study.unfeasible += 1
+    else:
+        study.error += 1
     _add_artifacts(session, design, measurement)
     close_run(session, lease, "done", cost=cost)
     record_design_event(session, design, "design_finished", literal_angle_deg=design.literal_angle_deg)

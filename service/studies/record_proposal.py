@@ -49,8 +49,8 @@ def _add_design(session: Session, ended: FinishedJob, proposal: ProposedDesign) 
         # The fence makes this the number that the proposal was computed for: designs come from here alone.
         number=next_number(session, study.id),
         x=spec.space.as_dict(proposal.x),
-        x_hash=design_hash(spec.space.names, proposal.x, spec.fixed),
-        scale=spec.scale,
+        x_hash=design_hash(spec.parameters_of(proposal.x)),
+        scale=proposal.scale,
         seed=proposal.seed,
         origin=proposal.origin,
         reason=proposal.reason,

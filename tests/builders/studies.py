@@ -14,7 +14,7 @@ from service.domain.history import ProposedDesign, StudyStop
 from service.domain.outcome import PileMeasurement, StoredArtifact
 from service.domain.search_space import default_space
 from service.domain.states import DesignState, JobKind, JobState, Verdict
-from service.domain.study import Objective, StudySpec
+from service.domain.study import Response, StudySpec
 from service.studies.claim_job import Claim, claim_job
 from service.studies.create_study import create_study
 from service.studies.record_proposal import record_proposal
@@ -27,7 +27,7 @@ def a_spec(**changes: Any) -> StudySpec:
         "material": "pellet",
         "scale": 2.0,
         "space": default_space(),
-        "objective": Objective(25.5, (25.0, 26.0)),
+        "responses": (Response("angle_deg", 25.5, (25.0, 26.0), 0.5),),
         "budget": 12,
     }
     return StudySpec(**{**defaults, **changes})
@@ -46,6 +46,7 @@ def a_proposal(number: int, **changes: Any) -> ProposedDesign:
         "seed": number,
         "origin": "doe",
         "reason": "spread over the box",
+        "scale": 2.0,
         "training_hash": "0" * 64,
     }
     return ProposedDesign(**{**defaults, **changes})

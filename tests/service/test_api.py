@@ -44,11 +44,15 @@ def test_a_materials_name_is_enough(client: TestClient) -> None:
     assert study["state"] == "running"
     assert study["counters"] == {"feasible": 0, "unfeasible": 0, "error": 0}
     assert study["stop"] is None
-    assert study["spec"]["objective"] == {
-        "target_deg": 25.5,
-        "window_deg": [25.0, 26.0],
-        "tolerance_deg": 0.5,
-    }
+    assert study["spec"]["responses"] == [
+        {
+            "observable": "angle_deg",
+            "target": 25.5,
+            "window": [25.0, 26.0],
+            "tolerance": 0.5,
+            "uncertainty": 0.0,
+        }
+    ]
     assert list(study["spec"]["variables"]) == [
         "particle_particle_static_friction",
         "particle_wall_static_friction",
@@ -64,13 +68,13 @@ def test_a_materials_name_is_enough(client: TestClient) -> None:
 def test_the_papers_targets_are_the_defaults(
     client: TestClient, material: str, target: float, window: list[float]
 ) -> None:
-    objective = post(client, {"material": material}).json()["spec"]["objective"]
-    assert (objective["target_deg"], objective["window_deg"]) == (target, window)
+    (angle,) = post(client, {"material": material}).json()["spec"]["responses"]
+    assert (angle["target"], angle["window"]) == (target, window)
 
 
 def test_the_default_window_moves_with_the_target(client: TestClient) -> None:
     spec = post(client, {"material": "coke", "objective": {"target_deg": 30.1}}).json()["spec"]
-    assert spec["objective"]["window_deg"] == [28.6, 31.6]
+    assert spec["responses"][0]["window"] == [28.6, 31.6]
 
 
 def test_what_is_not_searched_has_a_stored_value(client: TestClient) -> None:
@@ -344,5 +348,5 @@ def test_every_operation_has_an_id_a_summary_and_problem_answers(settings: Setti
 def test_a_propose_job_appears_with_the_study(client: TestClient, sqlite_database: Database) -> None:
     study_id = post(client, {"material": "pellet"}).json()["id"]
     claim = propose_next(sqlite_database, study_id)
-    assert claim.spec.objective.target_deg == 25.5
+    assert claim.spec.primary.target == 25.5
     assert len(client.get(f"/v1/studies/{study_id}/designs").json()["items"]) == 1

@@ -47,7 +47,7 @@ WRONG = {
         pellet(objective={"target_deg": 95}),
         "objective.target_deg",
         95,
-        "5 to 60 degrees",
+        "5 to 60 deg",
     ),
     "target outside the window": (
         pellet(objective={"target_deg": 30.0, "window_deg": [25.0, 26.0]}),
@@ -67,7 +67,7 @@ WRONG = {
         "[25.0, 25.5, 26.0]",
         "2 items",
     ),
-    "tolerance 0": (pellet(objective={"tolerance_deg": 0}), "objective.tolerance_deg", 0, "0.05 to 10"),
+    "tolerance 0": (pellet(objective={"tolerance_deg": 0}), "objective.tolerance_deg", 0, "more than 0"),
     "budget 0": (pellet(budget=0), "budget", 0, "1 to 1000"),
     "budget as text": (pellet(budget="30"), "budget", "30", "a whole number"),
     "budget with a fraction": (pellet(budget=10.5), "budget", 10.5, "a whole number"),

@@ -37,6 +37,7 @@ def a_claim(**changes: Any) -> Claim:
         "attempts_left": 2,
         "x": (0.25, 0.6),
         "seed": 77,
+        "scale": 3.0,
     }
     return Claim(**{**defaults, **changes})
 

@@ -13,14 +13,19 @@ import pytest
 from service.db.session import Database
 from service.domain.outcome import PileMeasurement
 from service.domain.states import StudyState
-from service.domain.study import Objective
+from service.domain.study import Response
 from service.settings import Settings
 from service.studies.claim_job import Claim
 from service.studies.reap_job import reap_job
 from tests.builders.studies import a_study, designs, event_kinds, let_lease_expire, study
 from tests.builders.work import InProcessWorker, Report, synthetic_pile
 
-COKE = {"material": "coke", "objective": Objective(36.5, (35.0, 38.0)), "budget": 10, "parallel": 3}
+COKE = {
+    "material": "coke",
+    "responses": (Response("angle_deg", 36.5, (35.0, 38.0), 0.5),),
+    "budget": 10,
+    "parallel": 3,
+}
 
 
 @pytest.fixture
@@ -46,8 +51,8 @@ def undisturbed(worker: InProcessWorker) -> list[Any]:
 
 
 def test_the_stop_of_a_spent_budget_has_seen_every_result(worker: InProcessWorker) -> None:
-    narrow = Objective(36.5, (36.4, 36.6), tolerance_deg=0.05)
-    study_id = a_study(worker.database, **{**COKE, "objective": narrow, "budget": 6})
+    narrow = (Response("angle_deg", 36.5, (36.4, 36.6), 0.25),)
+    study_id = a_study(worker.database, **{**COKE, "responses": narrow, "budget": 6})
     worker.work_off()
     ended = study(worker.database, study_id)
     assert ended.stop_reason == "budget"

@@ -17,7 +17,7 @@ import math
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from service.domain.study import Objective
+from service.domain.study import Response
 from worker.optimizer.design import FloatArray
 
 WINDOW_PROBABILITY = 0.99
@@ -80,24 +80,24 @@ def _central(
     return centre - margin, centre + margin
 
 
-def certifiable_means(s: FloatArray, objective: Objective) -> tuple[FloatArray, FloatArray]:
+def certifiable_means(s: FloatArray, response: Response) -> tuple[FloatArray, FloatArray]:
     """The interval of posterior means that a certificate allows at the inflated sd s; empty if reversed."""
-    t, tol = objective.target_deg, objective.tolerance_deg
+    t, tol = response.target, response.tolerance
     near = _central(s, t - tol, t + tol, _TOLERANCE_TABLE)
-    inside = _central(s, *objective.window_deg, _WINDOW_TABLE)
+    inside = _central(s, *response.window, _WINDOW_TABLE)
     return np.maximum(near[0], inside[0]), np.minimum(near[1], inside[1])
 
 
-def seeds_for_certificate(sigma: float, objective: Objective) -> int:
+def seeds_for_certificate(sigma: float, response: Response) -> int:
     """Seeds after which a design in the middle of its window could be certified on their mean alone."""
-    lower, upper = objective.window_deg
+    lower, upper = response.window
     from_window = 0.5 * (upper - lower) * float(_WINDOW_TABLE[0][-1])
-    from_tolerance = objective.tolerance_deg * float(_TOLERANCE_TABLE[0][-1])
+    from_tolerance = response.tolerance * float(_TOLERANCE_TABLE[0][-1])
     return math.ceil((sigma / float(min(from_window, from_tolerance))) ** 2)
 
 
 def certificate_chance(
-    m: FloatArray, s: FloatArray, r: int, sigma: float, lam: float, objective: Objective
+    m: FloatArray, s: FloatArray, r: int, sigma: float, lam: float, response: Response
 ) -> FloatArray:
     """Chance that r further runs at a design leave its posterior good enough for the certificate.
 
@@ -105,7 +105,7 @@ def certificate_chance(
     """
     s_r = 1.0 / np.sqrt(1.0 / s**2 + r / sigma**2)
     move = lam * np.sqrt(np.maximum(s**2 - s_r**2, 1e-18))
-    lower, upper = certifiable_means(lam * s_r, objective)
+    lower, upper = certifiable_means(lam * s_r, response)
     chance = ndtr((upper - m) / move) - ndtr((lower - m) / move)
     return np.asarray(np.where(upper > lower, chance, 0.0))
 
@@ -117,7 +117,7 @@ def effort(
     most: int,
     sigma: float,
     lam: float,
-    objective: Objective,
+    response: Response,
 ) -> tuple[FloatArray, FloatArray]:
     """Simulations per certificate of the best plan "r runs here, then look": min over r of r / chance.
 
@@ -126,7 +126,7 @@ def effort(
     """
     best, highest = np.full(len(m), np.inf), np.zeros(len(m))
     for r in range(1, most + 1):
-        chance = np.where(missing <= r, certificate_chance(m, s, r, sigma, lam, objective), 0.0)
+        chance = np.where(missing <= r, certificate_chance(m, s, r, sigma, lam, response), 0.0)
         highest = np.maximum(highest, chance)
         best = np.minimum(best, r / np.maximum(chance, 1e-12))
     return best, highest

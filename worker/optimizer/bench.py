@@ -101,8 +101,8 @@ def play(strategy: Strategy, spec: StudySpec, rig: SyntheticRig) -> tuple[tuple[
         answer = strategy.propose(spec, seen_by(designs, number, spec), number)
         if isinstance(answer, Stop):
             return tuple(designs), answer
-        angle = rig.run(answer.x, answer.seed)
-        designs.append(Design(number, answer.x, answer.seed, angle, answer.origin))
+        results = rig.run(answer.x, answer.seed)
+        designs.append(Design(number, answer.x, answer.seed, results, answer.origin))
 
 
 def score(strategy: Strategy, case: str, seed: int, parallel: int) -> Played:
@@ -127,7 +127,7 @@ def score(strategy: Strategy, case: str, seed: int, parallel: int) -> Played:
 
 def _miss(strategy: Strategy, spec: StudySpec, designs: tuple[Design, ...]) -> float:
     x = strategy.recommend(spec, History(designs))
-    return math.inf if x is None else abs(_truth(x) - spec.objective.target_deg)
+    return math.inf if x is None else abs(_truth(x) - spec.primary.target)
 
 
 def _truth(x: X) -> float:
@@ -145,7 +145,7 @@ def _parameters_covered(spec: StudySpec, history: History) -> float | None:
         return None
     box = np.array([[v.lower, v.upper] for v in spec.space.variables])
     x = box[:, 0] + sobol(spec.space.dimension, 16384, _STREAM_TRUTH) * (box[:, 1] - box[:, 0])
-    x = x[np.abs(true_angle(x) - spec.objective.target_deg) <= 0.1]
+    x = x[np.abs(true_angle(x) - spec.primary.target) <= 0.1]
     runs = 1.0 - crash_probability(x)
     inside = [(p.lower_90 <= x[:, j]) & (x[:, j] <= p.upper_90) for j, p in enumerate(found.parameters)]
     return float(np.mean([np.average(hit, weights=runs) for hit in inside]))
@@ -182,7 +182,7 @@ def _first_feasible(played: Played) -> float:
     hits = (
         d.number
         for d in played.designs
-        if d.angle_deg is not None and played.spec.objective.contains(d.angle_deg)
+        if d.angle_deg is not None and played.spec.primary.contains(d.angle_deg)
     )
     return float(next(hits, math.inf))
 

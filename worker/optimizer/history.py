@@ -11,7 +11,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from service.domain.observables import ANGLE, NoiseLevel
 
 # Prior of the noise, until replicates speak: a scaled inverse chi-square with 4 degrees of freedom at 0.5 deg
 # (calibration.md; the paper's repeats pool to 0.58). Four degrees weigh as two designs of three seeds.
@@ -21,17 +24,27 @@ PRIOR_FREEDOM = 4.0
 
 @dataclass(frozen=True)
 class Design:
-    """One finished design. `angle_deg` None: the run ended in error (crash, no pile, never settles)."""
+    """One finished design, with a value for every response of its study.
+
+    `results` None: the run ended in error (crash, no pile, never settles), or a response was not measured.
+    """
 
     number: int
     x: tuple[float, ...]
     seed: int
-    angle_deg: float | None
+    results: Mapping[str, float] | None
     origin: str
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.angle_deg is not None and not math.isfinite(self.angle_deg):
-            raise ValueError(f"design {self.number}: an angle is finite, or None after an error")
+        for name, value in (self.results or {}).items():
+            if not math.isfinite(value):
+                raise ValueError(f"design {self.number}: {name} is finite, or all results are None")
+
+    @property
+    def angle_deg(self) -> float | None:
+        """None after an error, and where the study does not ask for the angle."""
+        return None if self.results is None else self.results.get(ANGLE)
 
 
 @dataclass(frozen=True)
@@ -42,36 +55,61 @@ class Pending:
     x: tuple[float, ...]
     seed: int
     origin: str
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class WarmStudy:
+    """The finished designs of a stored study of the same test, x in this study's order."""
+
+    study_id: int
+    finished: tuple[Design, ...]
 
 
 @dataclass(frozen=True)
 class Group:
-    """The finished runs of one x: all numbers, the angles of those that ran, the count of the others."""
+    """The finished runs of one x: all numbers, the results of those that ran, the count of the others."""
 
     x: tuple[float, ...]
     numbers: tuple[int, ...]
-    angles_deg: tuple[float, ...]
+    results: tuple[Mapping[str, float], ...]
     failures: int
 
     @property
-    def mean_deg(self) -> float:
-        return sum(self.angles_deg) / len(self.angles_deg)
+    def runs(self) -> int:
+        """Runs with results."""
+        return len(self.results)
+
+    def values(self, observable: str) -> tuple[float, ...]:
+        return tuple(r[observable] for r in self.results)
+
+    @property
+    def angles_deg(self) -> tuple[float, ...]:
+        return self.values(ANGLE)
 
 
 @dataclass(frozen=True)
 class History:
-    """Cancelled designs are left out by the caller; the order of the tuples carries no meaning."""
+    """Designs at the study's own scale, at its coarse one, and of earlier studies; never pooled.
+
+    Cancelled designs are left out by the caller; the order of the tuples carries no meaning.
+    noise: by observable, what earlier replicates of the same test scatter.
+    """
 
     finished: tuple[Design, ...] = ()
     pending: tuple[Pending, ...] = ()
+    coarse: tuple[Design, ...] = ()
+    coarse_pending: tuple[Pending, ...] = ()
+    warm: tuple[WarmStudy, ...] = ()
+    noise: Mapping[str, NoiseLevel] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "finished", tuple(sorted(self.finished, key=lambda d: d.number)))
-        object.__setattr__(self, "pending", tuple(sorted(self.pending, key=lambda p: p.number)))
+        for name in ("finished", "pending", "coarse", "coarse_pending"):
+            object.__setattr__(self, name, tuple(sorted(getattr(self, name), key=lambda d: d.number)))
 
     @property
     def failures(self) -> int:
-        return sum(d.angle_deg is None for d in self.finished)
+        return sum(d.results is None for d in self.finished)
 
     @property
     def succeeded(self) -> int:
@@ -91,13 +129,15 @@ class History:
     def visited(self) -> frozenset[tuple[float, ...]]:
         return frozenset({d.x for d in self.finished} | {p.x for p in self.pending})
 
-    def scatter(self) -> tuple[float, int]:
-        """Sum of squares inside the groups (deg^2) and its degrees of freedom."""
+    def scatter(self, observable: str = ANGLE) -> tuple[float, int]:
+        """Sum of squares inside the groups (unit^2) and its degrees of freedom."""
         squares, freedom = 0.0, 0
         for group in self.groups():
-            if len(group.angles_deg) > 1:
-                squares += sum((a - group.mean_deg) ** 2 for a in group.angles_deg)
-                freedom += len(group.angles_deg) - 1
+            if group.runs > 1:
+                values = group.values(observable)
+                mean = sum(values) / len(values)
+                squares += sum((a - mean) ** 2 for a in values)
+                freedom += len(values) - 1
         return squares, freedom
 
     def replicate_sd_deg(self) -> float | None:
@@ -114,12 +154,21 @@ class History:
     def training_hash(self) -> str:
         """sha256 of all that a proposal may depend on: results, and what is pending."""
         rows = [
-            [[d.number, d.x, d.seed, d.angle_deg] for d in self.finished],
+            [_row(d) for d in self.finished],
             [[p.number, p.x, p.seed] for p in self.pending],
+            [_row(d) for d in self.coarse],
+            [[p.number, p.x, p.seed] for p in self.coarse_pending],
+            [[study.study_id, [_row(d) for d in study.finished]] for study in self.warm],
+            {name: [level.sd, level.freedom] for name, level in self.noise.items()},
         ]
-        return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(rows, sort_keys=True).encode()).hexdigest()
+
+
+def _row(design: Design) -> list[object]:
+    results = None if design.results is None else dict(design.results)
+    return [design.number, design.x, design.seed, results]
 
 
 def _group(x: tuple[float, ...], designs: list[Design]) -> Group:
-    angles = tuple(d.angle_deg for d in designs if d.angle_deg is not None)
-    return Group(x, tuple(d.number for d in designs), angles, len(designs) - len(angles))
+    results = tuple(d.results for d in designs if d.results is not None)
+    return Group(x, tuple(d.number for d in designs), results, len(designs) - len(results))

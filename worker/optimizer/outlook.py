@@ -53,14 +53,14 @@ class Outlook:
 
     def miss(self, belief: Belief) -> FloatArray:
         """E|f - target| with the inflated sd."""
-        return expected_miss(belief.mean, belief.wide, self.spec.objective.target_deg)
+        return expected_miss(belief.mean, belief.wide, self.spec.primary.target)
 
     def in_window(self, belief: Belief) -> FloatArray:
-        return window_probability(belief.mean, belief.wide, self.spec.objective.window_deg)
+        return window_probability(belief.mean, belief.wide, self.spec.primary.window)
 
     def near_target(self, belief: Belief) -> FloatArray:
         """P(|f - target| <= tolerance)."""
-        t, tol = self.spec.objective.target_deg, self.spec.objective.tolerance_deg
+        t, tol = self.spec.primary.target, self.spec.primary.tolerance
         return window_probability(belief.mean, belief.wide, (t - tol, t + tol))
 
     def gain(self, belief: Belief) -> FloatArray:
@@ -68,28 +68,28 @@ class Outlook:
 
         The incumbent is the smallest posterior E|f - target| of the evaluated designs, never a lucky angle.
         """
-        target = self.spec.objective.target_deg
+        target = self.spec.primary.target
         seen = self.believe([g.x for g in self.evaluated()])
         incumbent = float(np.min(expected_miss(seen.mean, seen.sd, target)))
         return expected_improvement(belief.mean, belief.sd, target, incumbent) * self.usable(belief)
 
     def usable(self, belief: Belief) -> FloatArray:
         """P(ok) to the power of the seeds a certificate will take: a winner has to run with each of them."""
-        seeds = seeds_for_certificate(self.surrogate.hyper.noise_sd_deg, self.spec.objective)
+        seeds = seeds_for_certificate(self.surrogate.hyper.noise_sd_deg, self.spec.primary)
         return np.asarray(belief.ok ** max(self.spec.replicates, min(seeds, MOST_SEEDS)))
 
     def evaluated(self) -> tuple[Group, ...]:
-        """The groups with at least one measured angle."""
-        return tuple(g for g in self.groups if g.angles_deg)
+        """The groups with at least one run that gave results."""
+        return tuple(g for g in self.groups if g.runs)
 
 
 def build_outlook(spec: StudySpec, history: History, hyper: Hyperparameters | None = None) -> Outlook:
     """Fit the surrogate and the classifier; needs one measured angle. `hyper` repeats an earlier fit."""
     groups = history.groups()
-    space = spec.space
-    data = training_set((space.to_unit(g.x), angle) for g in groups for angle in g.angles_deg)
+    space, observable = spec.space, spec.primary.observable
+    data = training_set((space.to_unit(g.x), angle) for g in groups for angle in g.values(observable))
     hyper = hyper or fit_hyperparameters(data, history.noise_sd_deg())
     surrogate = Surrogate(data, hyper)
     u = to_unit(space, [d.x for d in history.finished])
-    ran = np.array([d.angle_deg is not None for d in history.finished], dtype=np.float64)
+    ran = np.array([d.results is not None for d in history.finished], dtype=np.float64)
     return Outlook(spec, surrogate, CrashClassifier(u, ran), surrogate.inflation, groups)

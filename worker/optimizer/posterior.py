@@ -58,7 +58,7 @@ class Posterior:
 
 def target_sd_deg(spec: StudySpec) -> float:
     """A quarter of the window's width."""
-    lower, upper = spec.objective.window_deg
+    lower, upper = spec.primary.window
     return 0.25 * (upper - lower)
 
 
@@ -91,7 +91,7 @@ def weights(outlook: Outlook, u: FloatArray) -> tuple[FloatArray, float]:
     mean, sd = outlook.surrogate.predict(u)
     ok = outlook.crashes.ok_probability(u)
     sigma = np.sqrt((outlook.inflation * sd) ** 2 + target_sd_deg(outlook.spec) ** 2)
-    chi = np.abs(outlook.spec.objective.target_deg - mean) / sigma
+    chi = np.abs(outlook.spec.primary.target - mean) / sigma
     # In logarithms, and relative to the best point: far from the target every weight would be zero.
     log_w = np.log(np.maximum(ok, 1e-300)) - np.log(sigma) - 0.5 * chi**2
     w = np.exp(log_w - np.max(log_w))

@@ -72,6 +72,7 @@ class Proposal:
     reason: str
     training_hash: str
     hyperparameters: dict[str, Any] | None
+    scale: float
 
 
 class Options(NamedTuple):
@@ -123,7 +124,7 @@ def _initial(spec: StudySpec, history: History, number: int) -> Proposal | None:
     last = max(number, initial_count(spec))
     reason = f"Initial design {number} of {last}: spread over the box to learn its shape."
     seed = simulation_seed(spec.seed, number, history.seeds_used(fresh[0]))
-    return Proposal(fresh[0], seed, "doe", None, None, reason, history.training_hash, None)
+    return Proposal(fresh[0], seed, "doe", None, None, reason, history.training_hash, None, spec.scale)
 
 
 def _by_model(spec: StudySpec, history: History, number: int, fitted: Outlook) -> Proposal | Stop:
@@ -176,7 +177,7 @@ def _options(outlook: Outlook, history: History, number: int, left: int) -> Opti
     belief = outlook.believe(search)
     need, chance = _effort(outlook, belief, np.full(len(search), float(spec.replicates)), left)
     waiting = [p.x for p in history.pending]
-    seeds = [len(g.angles_deg) + waiting.count(g.x) for g in groups]
+    seeds = [g.runs + waiting.count(g.x) for g in groups]
     lacking = np.array([max(1.0, float(spec.replicates - n)) for n in seeds])
     again, again_chance = _effort(outlook, outlook.believe([g.x for g in groups]), lacking, left)
     return Options(search, belief, outlook.gain(belief), need, chance, groups, again, again_chance)
@@ -186,8 +187,8 @@ def _effort(
     outlook: Outlook, belief: Belief, missing: FloatArray, left: int
 ) -> tuple[FloatArray, FloatArray]:
     sigma, most = outlook.surrogate.hyper.noise_sd_deg, min(left, LONGEST_PLAN)
-    objective = outlook.spec.objective
-    need, chance = effort(belief.mean, belief.sd, missing, most, sigma, outlook.inflation, objective)
+    response = outlook.spec.primary
+    need, chance = effort(belief.mean, belief.sd, missing, most, sigma, outlook.inflation, response)
     return need / outlook.usable(belief), chance * belief.ok
 
 
@@ -213,7 +214,7 @@ def _unconfirmed(outlook: Outlook, history: History, left: int) -> Group | None:
     replicates = outlook.spec.replicates
     waiting = [p.x for p in history.pending]
     able = [g for g in outlook.evaluated() if not g.failures]
-    lacking = {g.x: replicates - len(g.angles_deg) - waiting.count(g.x) for g in able}
+    lacking = {g.x: replicates - g.runs - waiting.count(g.x) for g in able}
     able = [g for g in able if lacking[g.x] <= left]
     if not able:
         return None
@@ -236,7 +237,7 @@ def _replicate(outlook: Outlook, history: History, number: int, group: Group) ->
     prediction = _prediction(outlook, belief, 0)
     reason = (
         f"Another seed of design {group.numbers[0]}, the shortest way to a certificate: "
-        f"{prediction.mean_deg:.1f} +- {prediction.sd_deg:.1f} deg from {len(group.angles_deg)} so far."
+        f"{prediction.mean_deg:.1f} +- {prediction.sd_deg:.1f} deg from {group.runs} so far."
     )
     return _proposal(outlook, history, number, group.x, "replicate", prediction, None, reason)
 
@@ -275,4 +276,6 @@ def _proposal(
 ) -> Proposal:
     seed = simulation_seed(outlook.spec.seed, number, history.seeds_used(x))
     hyper = outlook.surrogate.hyper.as_dict()
-    return Proposal(x, seed, origin, prediction, acquisition, reason, history.training_hash, hyper)
+    return Proposal(
+        x, seed, origin, prediction, acquisition, reason, history.training_hash, hyper, outlook.spec.scale
+    )

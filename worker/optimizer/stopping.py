@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from service.domain.study import Objective, StudySpec
+from service.domain.study import Response, StudySpec
 from worker.optimizer.acquisition import TOLERANCE_PROBABILITY, WINDOW_PROBABILITY
 from worker.optimizer.design import X
 from worker.optimizer.history import History
@@ -74,16 +74,16 @@ def recommended(outlook: Outlook) -> Recommendation:
     miss, inside = outlook.miss(belief), outlook.in_window(belief)
     near = outlook.near_target(belief)
     holds = [
-        len(g.angles_deg) >= outlook.spec.replicates
+        g.runs >= outlook.spec.replicates
         and not g.failures
-        and miss[i] <= outlook.spec.objective.tolerance_deg
+        and miss[i] <= outlook.spec.primary.tolerance
         and inside[i] >= WINDOW_PROBABILITY
         and near[i] >= TOLERANCE_PROBABILITY
         for i, g in enumerate(groups)
     ]
     # Confirmed by its seeds before found by one lucky run, unless that costs half the tolerance.
-    slack = float(np.min(miss)) + 0.5 * outlook.spec.objective.tolerance_deg
-    single = [len(g.angles_deg) < outlook.spec.replicates or miss[i] > slack for i, g in enumerate(groups)]
+    slack = float(np.min(miss)) + 0.5 * outlook.spec.primary.tolerance
+    single = [g.runs < outlook.spec.replicates or miss[i] > slack for i, g in enumerate(groups)]
     # A design that would more likely crash than run is no recommendation while another exists.
     order = [
         (not holds[i], bool(belief.ok[i] < 0.5), bool(single[i]), float(miss[i]), i)
@@ -98,7 +98,7 @@ def recommended(outlook: Outlook) -> Recommendation:
         sd_deg=wide,
         expected_miss_deg=float(miss[best]),
         window_probability=float(inside[best]),
-        replicates_deg=group.angles_deg,
+        replicates_deg=group.values(outlook.spec.primary.observable),
         certified=bool(holds[best]),
         half_width_90_deg=Z_90 * wide,
     )
@@ -137,7 +137,7 @@ def out_of_budget(outlook: Outlook | None, spec: StudySpec) -> Stop:
     text = (
         f"All {spec.budget} simulations are spent. The best design is expected to miss by "
         f"{best.expected_miss_deg:.2f} deg and is inside the window with {inside:.0f} %; a certificate "
-        f"asks for {spec.objective.tolerance_deg:g} deg, 99 % and {spec.replicates} seeds."
+        f"asks for {spec.primary.tolerance:g} deg, 99 % and {spec.replicates} seeds."
     )
     return Stop("budget", text, {**_numbers(best, outlook), "budget": float(spec.budget)})
 
@@ -155,9 +155,9 @@ def _numbers(best: Recommendation, outlook: Outlook) -> dict[str, float]:
     }
 
 
-def goal_zone(objective: Objective) -> tuple[float, float]:
+def goal_zone(response: Response) -> tuple[float, float]:
     """Angles that a certified design could have: inside the window and within the tolerance of the target."""
-    t, tol, (lo, hi) = objective.target_deg, objective.tolerance_deg, objective.window_deg
+    t, tol, (lo, hi) = response.target, response.tolerance, response.window
     return max(lo, t - tol), min(hi, t + tol)
 
 
@@ -167,7 +167,7 @@ def target_unreachable(outlook: Outlook, belief: Belief) -> Stop | None:
     The reach of a design is its mean +- 3 inflated sd. The extreme counts as explored when at least two
     designs with an angle are believed to lie within 1.5 deg of the most extreme mean in the box.
     """
-    low, high = goal_zone(outlook.spec.objective)
+    low, high = goal_zone(outlook.spec.primary)
     possible = belief.ok >= LEAST_OK
     if not np.any(possible):
         return None
@@ -182,7 +182,7 @@ def target_unreachable(outlook: Outlook, belief: Belief) -> Stop | None:
         return None
     numbers = {"reachable_lower_deg": float(np.min(mean)), "reachable_upper_deg": float(np.max(mean))}
     text = (
-        f"The target {outlook.spec.objective.target_deg:g} deg lies outside what this space reaches: about "
+        f"The target {outlook.spec.primary.target:g} deg lies outside what this space reaches: about "
         f"{np.min(mean):.1f} to {np.max(mean):.1f} deg where simulations run "
         f"(at the utmost {lowest:.1f} to {highest:.1f})."
     )

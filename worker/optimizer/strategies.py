@@ -64,7 +64,9 @@ class Rival:
         x = self._choose(spec, history, number)
         seed = simulation_seed(spec.seed, number, history.seeds_used(x))
         origin = "doe" if number <= spec.initial_designs else "model"
-        return Proposal(x, seed, origin, None, None, f"Chosen by {self.name}.", history.training_hash, None)
+        return Proposal(
+            x, seed, origin, None, None, f"Chosen by {self.name}.", history.training_hash, None, spec.scale
+        )
 
     def recommend(self, spec: StudySpec, history: History) -> X | None:
         ran = [d for d in history.finished if d.angle_deg is not None]
@@ -72,8 +74,8 @@ class Rival:
 
 
 def squared_error(spec: StudySpec, angle_deg: float) -> float:
-    """(angle - target)^2, the objective of the rivals."""
-    return (angle_deg - spec.objective.target_deg) ** 2
+    """(angle - target)^2, what the rivals minimise."""
+    return (angle_deg - spec.primary.target) ** 2
 
 
 def _random(spec: StudySpec, _: History, number: int) -> X:

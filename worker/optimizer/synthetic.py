@@ -17,15 +17,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
+from service.domain.observables import ANGLE
 from service.domain.search_space import default_space
-from service.domain.study import Objective, StudySpec
+from service.domain.study import Response, StudySpec
 from worker.optimizer.design import FloatArray, X
 
 NOISE_SD_DEG = 0.5
 CASES = {
-    "coke": Objective(36.5, (35.0, 38.0)),
-    "sinter": Objective(31.0, (29.0, 33.0)),
-    "pellet": Objective(25.5, (25.0, 26.0)),
+    "coke": Response(ANGLE, 36.5, (35.0, 38.0), 0.5),
+    "sinter": Response(ANGLE, 31.0, (29.0, 33.0), 0.5),
+    "pellet": Response(ANGLE, 25.5, (25.0, 26.0), 0.5),
 }
 
 
@@ -52,16 +53,17 @@ class SyntheticRig:
 
     noise_sd_deg: float = NOISE_SD_DEG
 
-    def run(self, x: X, seed: int) -> float | None:
+    def run(self, x: X, seed: int) -> dict[str, float] | None:
+        """Results by observable; None after a crash."""
         stream = np.random.default_rng(np.random.SeedSequence([seed, *(round(v * 1e6) for v in x)]))
         point = np.array([x])
         if stream.random() < float(crash_probability(point)[0]):
             return None
-        return float(true_angle(point)[0]) + self.noise_sd_deg * float(stream.normal())
+        return {ANGLE: float(true_angle(point)[0]) + self.noise_sd_deg * float(stream.normal())}
 
 
 def study(case: str, seed: int, budget: int = 40, parallel: int = 1) -> StudySpec:
     """The study of one case over the paper's default space."""
     if not math.isfinite(budget) or case not in CASES:
         raise ValueError(f"case {case!r} is not one of {', '.join(CASES)}")
-    return StudySpec(case, 1.0, default_space(), CASES[case], budget=budget, parallel=parallel, seed=seed)
+    return StudySpec(case, 1.0, default_space(), (CASES[case],), budget=budget, parallel=parallel, seed=seed)

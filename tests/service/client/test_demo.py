@@ -16,7 +16,7 @@ STUDY: dict[str, Any] = {
     "spec": {
         "material": "pellet",
         "scale": 2.0,
-        "objective": {"target_deg": 25.5, "window_deg": [25.0, 26.0]},
+        "responses": [{"target": 25.5, "window": [25.0, 26.0]}],
     },
     "counters": {"feasible": 5, "unfeasible": 9, "error": 1},
     "recommendation": {

@@ -11,11 +11,11 @@ from service.client.paper import PAPER
 from service.client.rest import Event
 from service.client.study_view import StudyView
 from service.client.tables import LiveTable, closing_table, plain_line, status
-from service.domain.search_space import PARAMETERS
+from service.domain.search_space import PAPER_PARAMETERS
 
 STUDY = {
     "budget": 10,
-    "spec": {"objective": {"target_deg": 25.5}, "variables": {"rolling_resistance": {}}},
+    "spec": {"responses": [{"target": 25.5}], "variables": {"rolling_resistance": {}}},
 }
 
 
@@ -97,7 +97,7 @@ def test_the_papers_tables_hang_together() -> None:
     """Table 6's totals are stated in the text too: 26, 55 and 16; Table 5 has all four parameters."""
     assert {name: result.total for name, result in PAPER.items()} == {"coke": 26, "sinter": 55, "pellet": 16}
     for result in PAPER.values():
-        assert set(result.optimum) == set(PARAMETERS)
+        assert set(result.optimum) == set(PAPER_PARAMETERS)
 
 
 def test_the_closing_table_stands_beside_tables_5_to_7() -> None:

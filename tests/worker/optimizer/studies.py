@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from service.domain.search_space import SearchSpace, Variable
-from service.domain.study import Objective, StudySpec
+from service.domain.study import Response, StudySpec
 from worker.optimizer.history import Design, History, Pending
 from worker.optimizer.proposal import Proposal, propose
 from worker.optimizer.stopping import Stop
@@ -22,10 +22,15 @@ def space(dimension: int, step: float | None = 0.01) -> SearchSpace:
     return SearchSpace(tuple(Variable(name, 0.0, 1.0, step) for name in (PP, ROLL, PW)[:dimension]))
 
 
+def at(angle_deg: float | None) -> dict[str, float] | None:
+    """The results of a run that gave this angle."""
+    return None if angle_deg is None else {"angle_deg": angle_deg}
+
+
 def spec_of(box: SearchSpace, target: float = 30.0, half_window: float = 1.5, **changes: object) -> StudySpec:
-    objective = Objective(target, (target - half_window, target + half_window))
+    angle = Response("angle_deg", target, (target - half_window, target + half_window), 0.5)
     given: dict[str, object] = {"budget": 30, "parallel": 1, "seed": 1, **changes}
-    return StudySpec("test", 1.0, box, objective, **given)  # type: ignore[arg-type]
+    return StudySpec("test", 1.0, box, (angle,), **given)  # type: ignore[arg-type]
 
 
 def play(spec: StudySpec, rig: Rig) -> tuple[list[Proposal], History, Stop]:
@@ -43,4 +48,5 @@ def play(spec: StudySpec, rig: Rig) -> tuple[list[Proposal], History, Stop]:
         if isinstance(answer, Stop):
             return proposals, History(tuple(designs)), answer
         proposals.append(answer)
-        designs.append(Design(number, answer.x, answer.seed, rig(answer.x, answer.seed), answer.origin))
+        results = at(rig(answer.x, answer.seed))
+        designs.append(Design(number, answer.x, answer.seed, results, answer.origin))

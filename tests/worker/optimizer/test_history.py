@@ -6,14 +6,15 @@ import math
 
 import pytest
 
+from tests.worker.optimizer.studies import at
 from worker.optimizer.history import Design, History, Pending
 
 A, B = (0.1, 0.2), (0.3, 0.4)
 DESIGNS = (
-    Design(1, A, 11, 30.0, "doe"),
-    Design(2, B, 12, None, "doe"),
-    Design(3, A, 13, 31.0, "replicate"),
-    Design(4, B, 14, 25.0, "manual"),
+    Design(1, A, 11, at(30.0), "doe"),
+    Design(2, B, 12, at(None), "doe"),
+    Design(3, A, 13, at(31.0), "replicate"),
+    Design(4, B, 14, at(25.0), "manual"),
 )
 
 
@@ -38,11 +39,11 @@ def test_without_replicates_the_noise_is_the_prior() -> None:
 def test_training_hash_ignores_order_and_sees_every_result() -> None:
     known = History(DESIGNS).training_hash
     assert History(tuple(reversed(DESIGNS))).training_hash == known
-    changed = (*DESIGNS[:3], Design(4, B, 14, 25.001, "manual"))
+    changed = (*DESIGNS[:3], Design(4, B, 14, at(25.001), "manual"))
     assert History(changed).training_hash != known
     assert History(DESIGNS, (Pending(5, A, 15, "model"),)).training_hash != known
 
 
 def test_an_angle_is_finite_or_missing() -> None:
     with pytest.raises(ValueError, match="finite"):
-        Design(1, A, 1, math.nan, "doe")
+        Design(1, A, 1, at(math.nan), "doe")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.worker.optimizer.studies import space, spec_of
+from tests.worker.optimizer.studies import at, space, spec_of
 from worker.optimizer.history import Design, History
 from worker.optimizer.posterior import interval, label, posterior
 from worker.optimizer.sensitivity import sensitivity
@@ -17,7 +17,8 @@ def linear_history() -> History:
     """angle = 20 + 20 u_1, free of noise, on a 5 x 5 grid: target 30 +- 1 means u_1 = .5 +- .05."""
     grid = [(a, b) for a in np.linspace(0, 1, 5) for b in np.linspace(0, 1, 5)]
     designs = (
-        Design(i + 1, (float(a), float(b)), i, 20.0 + 20.0 * float(a), "doe") for i, (a, b) in enumerate(grid)
+        Design(i + 1, (float(a), float(b)), i, at(20.0 + 20.0 * float(a)), "doe")
+        for i, (a, b) in enumerate(grid)
     )
     return History(tuple(designs))
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from service.domain.search_space import SearchSpace, Variable, default_space
-from tests.worker.optimizer.studies import PP, Rig, play, space, spec_of
+from tests.worker.optimizer.studies import PP, Rig, at, play, space, spec_of
 from worker.optimizer.design import generator
 from worker.optimizer.history import Design, History, Pending
 from worker.optimizer.proposal import Proposal, propose
@@ -115,15 +115,15 @@ def test_pending_designs_change_the_proposal_and_are_not_proposed_again() -> Non
 def test_no_certificate_with_fewer_seeds_than_replicates_however_good() -> None:
     spec = spec_of(space(1), 30.0, replicates=3)
     truth = [(x, rising((x,), 0)) for x in np.linspace(0.0, 1.0, 21)]
-    at = min(truth, key=lambda pair: abs(pair[1] - 30.0))[0]
-    designs = [Design(i + 1, (round(float(x), 12),), i, a, "doe") for i, (x, a) in enumerate(truth)]
-    designs += [Design(22, (round(float(at), 12),), 99, 30.0, "replicate")]
+    place = min(truth, key=lambda pair: abs(pair[1] - 30.0))[0]
+    designs = [Design(i + 1, (round(float(x), 12),), i, at(a), "doe") for i, (x, a) in enumerate(truth)]
+    designs += [Design(22, (round(float(place), 12),), 99, at(30.0), "replicate")]
     two = recommend(spec, History(tuple(designs)))
     assert two is not None
     assert two.expected_miss_deg < 0.3
     assert two.window_probability > 0.99
     assert not two.certified
-    three = recommend(spec, History((*designs, Design(23, two.x, 100, 30.0, "replicate"))))
+    three = recommend(spec, History((*designs, Design(23, two.x, 100, at(30.0), "replicate"))))
     assert three is not None
     assert len(three.replicates_deg) == 3
     assert three.certified
@@ -131,9 +131,9 @@ def test_no_certificate_with_fewer_seeds_than_replicates_however_good() -> None:
 
 def test_a_design_that_once_failed_is_never_certified() -> None:
     spec = spec_of(space(1), 30.0)
-    designs = [Design(i, (0.3,), i, 30.0, "manual") for i in range(1, 9)]
+    designs = [Design(i, (0.3,), i, at(30.0), "manual") for i in range(1, 9)]
     assert isinstance(propose(spec, History(tuple(designs)), 9), Stop)
-    failed = (*designs, Design(9, (0.3,), 9, None, "manual"))
+    failed = (*designs, Design(9, (0.3,), 9, at(None), "manual"))
     assert answered(propose(spec, History(failed), 10))
 
 
@@ -210,17 +210,17 @@ def test_two_designs_in_the_whole_space() -> None:
 
 
 def test_nothing_is_recommended_before_an_angle() -> None:
-    assert recommend(spec_of(space(1)), History((Design(1, (0.5,), 1, None, "doe"),))) is None
+    assert recommend(spec_of(space(1)), History((Design(1, (0.5,), 1, at(None), "doe"),))) is None
 
 
 def test_the_luckiest_angle_is_not_recommended_against_the_surface() -> None:
     """One run exactly on target far up the slope is outvoted by its neighbours."""
     spec = spec_of(space(1), 30.0)
     designs = [
-        Design(i + 1, (x,), i, rising((x,), 0), "doe")
+        Design(i + 1, (x,), i, at(rising((x,), 0)), "doe")
         for i, x in enumerate((0.0, 0.2, 0.26, 0.4, 0.58, 0.62, 1.0))
     ]
-    lucky = Design(8, (0.6,), 8, 30.0, "doe")
+    lucky = Design(8, (0.6,), 8, at(30.0), "doe")
     best = recommend(spec, History((*designs, lucky)))
     assert best is not None
     assert best.x != lucky.x
