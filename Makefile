@@ -52,7 +52,7 @@ serve: $(READY)
 	@exec $(BIN)/talus serve
 
 test: $(DEV)
-	@$(BIN)/python -m pytest -m "not slow and not browser" $(TESTS)
+	@$(BIN)/python -m pytest -m "not slow and not browser" --numprocesses auto --maxprocesses 4 --dist loadfile $(TESTS)
 
 slow: $(DEV)
 	@$(BIN)/python -m pytest -m "slow or browser" $(TESTS)
