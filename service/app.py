@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from service.api import designs, events, health, jobs, materials, studies
+from service.api import controls, designs, events, exports, health, jobs, materials, studies
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
 from service.dashboard import assets, pages
@@ -19,7 +19,7 @@ from service.db.session import Database
 from service.logs import configure_logs
 from service.settings import Settings, get_settings
 
-VERSION = "0.1.0"
+VERSION = exports.TALUS_VERSION
 DESCRIPTION = """Calibrates the contact parameters of granular materials: asks a DEM pile test for the repose
 angle of a parameter set, learns, proposes the next one, and ends with a certified optimum.
 
@@ -47,12 +47,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.state.database = database
-    for module in (materials, studies, events, designs, jobs, health):
+    for module in (materials, exports, studies, controls, events, designs, jobs, health):
         app.include_router(module.router)
     app.include_router(pages.router)
     app.include_router(assets.router)
     install_handlers(app)
-    app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes)
+    by_path = {exports.IMPORT_PATH: settings.max_import_bytes}
+    app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes, by_path=by_path)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     return app
 

@@ -18,6 +18,7 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
+from service.client.commands import COMMANDS
 from service.client.rest import Client, RefusedError, ServiceAwayError
 from service.code_version import demcore_hash
 from service.settings import StartupError, describe_problems, get_settings
@@ -124,6 +125,10 @@ def status(study_id: int | None, only: str | None) -> None:
         click.echo(f"ended because: {study['stop']['text'] or study['stop']['reason']}")
     for name, value in ((study["recommendation"] or {}).get("x") or {}).items():
         click.echo(f"  {name} = {value:g}")
+
+
+for command in COMMANDS:
+    cli.add_command(command)
 
 
 def _say(text: str) -> None:

@@ -81,6 +81,7 @@ def environment(settings: Settings, spec: ProcessSpec) -> dict[str, str]:
         "TALUS_LEASE_SECONDS": str(settings.lease_seconds),
         "TALUS_CHECKPOINT_SECONDS": str(settings.checkpoint_seconds),
         "TALUS_MAX_BODY_BYTES": str(settings.max_body_bytes),
+        "TALUS_MAX_IMPORT_BYTES": str(settings.max_import_bytes),
         "TALUS_LOG_LEVEL": settings.log_level,
         "TALUS_DATABASE_URL": settings.resolved_database_url,
         "TALUS_BROKER_URL": settings.resolved_broker_url,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.problems import problem_response
@@ -13,34 +15,39 @@ DRAINED_BYTES = 64_000_000
 
 
 class BodyLimit:
-    """ASGI middleware: hands on bodies of at most `max_bytes`, whole, and answers 422 to larger ones."""
+    """ASGI middleware: hands on bodies of at most `max_bytes`, whole, and answers 422 to larger ones.
 
-    def __init__(self, app: ASGIApp, max_bytes: int) -> None:
+    `by_path`: paths that take larger (or only smaller) ones.
+    """
+
+    def __init__(self, app: ASGIApp, max_bytes: int, by_path: Mapping[str, int]) -> None:
         self.app = app
         self.max_bytes = max_bytes
+        self.by_path = by_path
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["method"] in ("GET", "HEAD", "OPTIONS"):
             await self.app(scope, receive, send)
             return
+        most = self.by_path.get(scope["path"], self.max_bytes)
         chunks: list[bytes] = []
         size, more = 0, True
-        while more and size <= DRAINED_BYTES:
+        while more and size <= max(DRAINED_BYTES, most):
             message = await receive()
             if message["type"] == "http.disconnect":
                 return
             chunk = message.get("body", b"")
             size += len(chunk)
             more = message.get("more_body", False)
-            if size <= self.max_bytes:
+            if size <= most:
                 chunks.append(chunk)
-        if size > self.max_bytes:
-            await self._refuse(size, scope, receive, send)
+        if size > most:
+            await self._refuse(size, most, scope, receive, send)
             return
         await self.app(scope, _replay(b"".join(chunks), receive), send)
 
-    async def _refuse(self, size: int, scope: Scope, receive: Receive, send: Send) -> None:
-        error = FieldError("body", f"{size} bytes", f"at most {self.max_bytes} bytes")
+    async def _refuse(self, size: int, most: int, scope: Scope, receive: Receive, send: Send) -> None:
+        error = FieldError("body", f"{size} bytes", f"at most {most} bytes")
         await problem_response(InvalidRequest.of(error))(scope, receive, send)
 
 

@@ -15,7 +15,8 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 
 from service.domain.errors import InvalidValue
-from service.errors import MEDIA_TYPE, FieldError, InvalidRequest, Problem, Unavailable
+from service.domain.states import ActionNotAllowed
+from service.errors import MEDIA_TYPE, Conflict, FieldError, InvalidRequest, Problem, Unavailable
 
 # What pydantic calls an error -> what is allowed instead. Ranges are the domain's, not pydantic's.
 ALLOWED = {
@@ -68,6 +69,7 @@ def install_handlers(app: FastAPI) -> None:
     """Make `app` answer every error as problem+json."""
     app.add_exception_handler(Problem, _problem)
     app.add_exception_handler(InvalidValue, _invalid_value)
+    app.add_exception_handler(ActionNotAllowed, _not_now)
     app.add_exception_handler(RequestValidationError, _invalid_request)
     app.add_exception_handler(HTTPException, _http_error)
     for kind in (OperationalError, InterfaceError, PoolTimeout):
@@ -92,6 +94,11 @@ def _invalid_value(_request: Request, error: Exception) -> Response:
     return problem_response(InvalidRequest.of(FieldError(error.field, error.value, error.allowed)))
 
 
+def _not_now(_request: Request, error: Exception) -> Response:
+    text = str(error)
+    return problem_response(Conflict(f"{text[:1].upper()}{text[1:]}."))
+
+
 def _invalid_request(_request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
     return problem_response(InvalidRequest.of(*field_errors(error.errors())))
@@ -104,6 +111,10 @@ def field_errors(errors: Sequence[Any]) -> list[FieldError]:
         place = [str(part) for part in error["loc"]]
         if error["type"] == "json_invalid":
             found.append(FieldError("body", "text that is not JSON", f"valid JSON ({error['ctx']['error']})"))
+            continue
+        cause = (error.get("ctx") or {}).get("error")
+        if isinstance(cause, InvalidValue):
+            found.append(FieldError(cause.field, cause.value, cause.allowed))
             continue
         field = ".".join(place[1:]) if len(place) > 1 else place[0]
         value = None if error["type"] == "missing" else error.get("input")

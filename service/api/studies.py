@@ -12,9 +12,7 @@ from service.api.study_body import StudyBody
 from service.api.views import DesignAnswer, DesignList, StudyAnswer, StudyList
 from service.db import read_models
 from service.db.models import StudyRow
-from service.domain.states import ChangeNotAllowed
-from service.errors import Conflict, FieldError, InvalidRequest, NotFound
-from service.studies.cancel_study import cancel_study
+from service.errors import FieldError, InvalidRequest, NotFound
 from service.studies.create_study import KeyReused, create_study
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
@@ -82,21 +80,3 @@ def list_designs(
         views = read_models.list_designs(session, study_id, limit + 1, after=cursor or 0)
         items = [DesignAnswer.of(view) for view in views[:limit]]
     return DesignList(items=items, next_cursor=items[-1].number if len(views) > limit else None)
-
-
-@router.post(
-    "/{study_id}/cancel",
-    status_code=202,
-    operation_id="cancelStudy",
-    responses=problem_responses(404, 409, 422),
-)
-def post_cancel(study_id: RowId, database: DatabaseDep) -> StudyAnswer:
-    """Stop a study. What is in flight is stopped; what is measured stays, with a recommendation from it."""
-    with database.writing() as session:
-        try:
-            study = cancel_study(session, study_id)
-        except ChangeNotAllowed as error:
-            raise Conflict(f"Study {study_id} is over: {error}.") from error
-        if study is None:
-            raise no_study(study_id)
-        return StudyAnswer.of(study)

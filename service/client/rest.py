@@ -16,6 +16,8 @@ STREAM_SILENCE_SECONDS = 40.0
 RECONNECT_SECONDS = 0.5
 # The supervisor brings a dead API back within seconds; after this long the service counts as gone.
 AWAY_SECONDS = 60.0
+# A study of thousands of designs is a file of tens of megabytes.
+FILE_SECONDS = 120.0
 
 
 class RefusedError(Exception):
@@ -67,6 +69,43 @@ class Client:
     def cancel_study(self, study_id: int) -> dict[str, Any]:
         return self._call("POST", f"/v1/studies/{study_id}/cancel")
 
+    def pause_study(self, study_id: int) -> dict[str, Any]:
+        return self._call("POST", f"/v1/studies/{study_id}/pause")
+
+    def resume_study(self, study_id: int) -> dict[str, Any]:
+        return self._call("POST", f"/v1/studies/{study_id}/resume")
+
+    def extend_budget(self, study_id: int, budget: int) -> dict[str, Any]:
+        return self._call("POST", f"/v1/studies/{study_id}/budget", {"budget": budget})
+
+    def add_design(self, study_id: int, x: dict[str, float], seed: int | None = None) -> dict[str, Any]:
+        return self._call("POST", f"/v1/studies/{study_id}/designs", {"x": x, "seed": seed})
+
+    def rerun_design(self, design_id: int, same_seed: bool) -> dict[str, Any]:
+        return self._call("POST", f"/v1/designs/{design_id}/rerun", {"same_seed": same_seed})
+
+    def designs(self, study_id: int) -> list[dict[str, Any]]:
+        """All designs of a study, page after page."""
+        found: list[dict[str, Any]] = []
+        cursor: int | None = 0
+        while cursor is not None:
+            answer = self._call("GET", f"/v1/studies/{study_id}/designs?limit=200&cursor={cursor}")
+            found += answer["items"]
+            cursor = answer["next_cursor"]
+        return found
+
+    def download(self, study_id: int, name: str) -> bytes:
+        """`name`: export, designs.csv or designs.parquet."""
+        return self._send("GET", f"/v1/studies/{study_id}/{name}", timeout=FILE_SECONDS).content
+
+    def import_study(self, content: bytes) -> dict[str, Any]:
+        headers = {"Content-Type": "application/json"}
+        answer = self._send(
+            "POST", "/v1/studies/import", content=content, headers=headers, timeout=FILE_SECONDS
+        )
+        study: dict[str, Any] = answer.json()
+        return study
+
     def readiness(self) -> dict[str, Any]:
         """The checks by name, also where the service says that it is not ready."""
         return self._call("GET", "/v1/health/ready", good=(200, 503))
@@ -103,14 +142,18 @@ class Client:
     def _call(
         self, method: str, path: str, body: dict[str, Any] | None = None, good: tuple[int, ...] = ()
     ) -> dict[str, Any]:
+        answer = self._send(method, path, good, json=body)
+        content: dict[str, Any] = answer.json()
+        return content
+
+    def _send(self, method: str, path: str, good: tuple[int, ...] = (), **request: Any) -> httpx.Response:
         try:
-            answer = self._http.request(method, path, json=body)
+            answer = self._http.request(method, path, **request)
         except httpx.TransportError as error:
             raise ServiceAwayError(f"no service answers at {self.base_url} ({error})") from error
         if answer.is_error and answer.status_code not in good:
             raise RefusedError(answer.status_code, detail_of(answer))
-        content: dict[str, Any] = answer.json()
-        return content
+        return answer
 
 
 def detail_of(answer: httpx.Response) -> str:

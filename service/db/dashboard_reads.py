@@ -72,12 +72,11 @@ def open_study(session: Session, study_id: int) -> StudySnapshot | None:
         return None
     # The cursor first: what is told twice is drawn twice, what is missed stays missing.
     cursor = session.scalar(select(func.max(EventRow.id)).where(EventRow.study_id == study_id))
-    heavy = (DesignRow.results, DesignRow.hyperparameters)
     designs = session.scalars(
         select(DesignRow)
         .where(DesignRow.study_id == study_id)
         .order_by(DesignRow.number)
-        .options(*(defer(column, raiseload=True) for column in heavy))
+        .options(defer(DesignRow.results, raiseload=True))
     ).all()
     return StudySnapshot(study, designs, open_jobs(session, study_id), cursor or 0, queries.now(session))
 

@@ -65,11 +65,16 @@ def _stored(states: type[enum.Enum], name: str) -> Enum:
 
 
 class StudyRow(Base):
-    """One calibration: what was asked for, how far it is, and what it ended with."""
+    """One calibration: what was asked for, how far it is, and what it ended with.
+
+    `failures_forgiven`: when its user resumed a study that failures had paused, all designs up to this number.
+    `import_hash`: of the file's content, for a study that was calculated elsewhere and only read in.
+    """
 
     __tablename__ = "studies"
     __table_args__ = (
         UniqueConstraint("idempotency_key"),
+        UniqueConstraint("import_hash"),
         {"sqlite_autoincrement": True},
     )
 
@@ -87,20 +92,107 @@ class StudyRow(Base):
     stop_text: Mapped[str | None] = mapped_column(Text)
     stop_numbers: Mapped[dict[str, Any] | None]
     recommendation: Mapped[dict[str, Any] | None]
+    pause_reason: Mapped[str | None] = mapped_column(String(32))
+    pause_text: Mapped[str | None] = mapped_column(Text)
+    pause_numbers: Mapped[dict[str, Any] | None]
+    failures_forgiven: Mapped[int] = mapped_column(default=0, server_default="0")
+    import_hash: Mapped[str | None] = mapped_column(String(64))
     idempotency_key: Mapped[str | None] = mapped_column(String(200))
     request_hash: Mapped[str | None] = mapped_column(String(64))
     created_at: Mapped[float] = mapped_column(default=database_now())
     ended_at: Mapped[float | None]
 
 
+class ProposalRow(Base):
+    """One answer of the optimizer: for which design it was asked, what it was told, and how it decided.
+
+    `basis`: results of designs up to this number were seen; `pending`: designs in flight beyond it. `chosen` is
+    the number of the design that it proposed, None where it ended or paused the study (`stop_reason`).
+    """
+
+    __tablename__ = "proposals"
+    __table_args__ = (
+        UniqueConstraint("study_id", "chosen"),
+        Index("ix_proposals_surrogate_id", "surrogate_id"),
+        {"sqlite_autoincrement": True},
+    )
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    study_id: Mapped[int] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
+    surrogate_id: Mapped[int | None] = mapped_column(ForeignKey("surrogates.id", ondelete="CASCADE"))
+    number: Mapped[int]
+    chosen: Mapped[int | None]
+    basis: Mapped[int]
+    pending: Mapped[int]
+    seed: Mapped[int]
+    strategy: Mapped[str] = mapped_column(String(32))
+    acquisition: Mapped[float | None]
+    training_hash: Mapped[str | None] = mapped_column(String(64))
+    stop_reason: Mapped[str | None] = mapped_column(String(32))
+    created_at: Mapped[float] = mapped_column(default=database_now())
+
+
+class SurrogateRow(Base):
+    """A fitted surrogate as numbers: hyper-parameters with the noise, leave-one-out figures, inflation.
+
+    With the training set (designs up to a proposal's basis) they repeat the fit; nothing is pickled.
+    """
+
+    __tablename__ = "surrogates"
+    __table_args__ = (UniqueConstraint("study_id", "training_hash"), {"sqlite_autoincrement": True})
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    study_id: Mapped[int] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
+    training_hash: Mapped[str] = mapped_column(String(64))
+    hyperparameters: Mapped[dict[str, Any]]
+    created_at: Mapped[float] = mapped_column(default=database_now())
+
+
+class ReportRow(Base):
+    """What was known of a study at one moment: posterior, what is identified, sensitivity, ensemble."""
+
+    __tablename__ = "reports"
+    __table_args__ = (Index("ix_reports_study_id_id", "study_id", "id"), {"sqlite_autoincrement": True})
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    study_id: Mapped[int] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
+    designs: Mapped[int]
+    code_version: Mapped[str | None] = mapped_column(String(64))
+    content: Mapped[dict[str, Any]]
+    created_at: Mapped[float] = mapped_column(default=database_now())
+
+
+class BudgetChangeRow(Base):
+    """A user's change of a study's budget; `number` is the first design that was proposed under it."""
+
+    __tablename__ = "budget_changes"
+    __table_args__ = (
+        Index("ix_budget_changes_study_id_id", "study_id", "id"),
+        {"sqlite_autoincrement": True},
+    )
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    study_id: Mapped[int] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
+    number: Mapped[int]
+    before: Mapped[int]
+    after: Mapped[int]
+    created_at: Mapped[float] = mapped_column(default=database_now())
+
+
 class DesignRow(Base):
-    """One simulated parameter set: why it was proposed, what was predicted for it, and what came out."""
+    """One simulated parameter set: why it was proposed, what was predicted for it, and what came out.
+
+    `responses`: what was measured, by observable. `supersedes`: the number of a design that ended in error and
+    is repeated here with the same seed; proposals that see this result no longer see that error.
+    """
 
     __tablename__ = "designs"
     __table_args__ = (
         UniqueConstraint("study_id", "number"),
+        UniqueConstraint("study_id", "idempotency_key", name="uq_designs_idempotency_key"),
         # The seed is part of a design's key: the same x with another seed is a replicate, with the same seed
-        # a mistake. A cancelled design gave nothing, so it may be proposed again.
+        # a mistake. A cancelled design gave nothing, so it may be proposed again, and one that ended in error
+        # may be repeated by hand.
         Index(
             "uq_designs_key",
             "study_id",
@@ -108,8 +200,8 @@ class DesignRow(Base):
             "scale",
             "seed",
             unique=True,
-            sqlite_where=text("state <> 'CANCELLED'"),
-            postgresql_where=text("state <> 'CANCELLED'"),
+            sqlite_where=text("state not in ('CANCELLED', 'FAILED')"),
+            postgresql_where=text("state not in ('CANCELLED', 'FAILED')"),
         ),
         {"sqlite_autoincrement": True},
     )
@@ -125,16 +217,17 @@ class DesignRow(Base):
     prediction: Mapped[dict[str, Any] | None]
     acquisition: Mapped[float | None]
     reason: Mapped[str] = mapped_column(Text)
-    training_hash: Mapped[str | None] = mapped_column(String(64))
-    hyperparameters: Mapped[dict[str, Any] | None]
     state: Mapped[DesignState] = mapped_column(_stored(DesignState, "state"), default=DesignState.WAITING)
     verdict: Mapped[Verdict | None] = mapped_column(_stored(Verdict, "verdict"))
     angle_deg: Mapped[float | None]
     angle_sd_deg: Mapped[float | None]
     literal_angle_deg: Mapped[float | None]
+    responses: Mapped[dict[str, Any] | None]
     results: Mapped[dict[str, Any] | None]
     failure_class: Mapped[str | None] = mapped_column(String(32))
     failure_text: Mapped[str | None] = mapped_column(Text)
+    supersedes: Mapped[int | None]
+    idempotency_key: Mapped[str | None] = mapped_column(String(200))
     created_at: Mapped[float] = mapped_column(default=database_now())
     started_at: Mapped[float | None]
     ended_at: Mapped[float | None]
@@ -165,8 +258,15 @@ class JobRow(Base):
             "uq_jobs_open_study",
             "study_id",
             unique=True,
-            sqlite_where=text("kind <> 'simulate' and state in ('queued', 'running')"),
-            postgresql_where=text("kind <> 'simulate' and state in ('queued', 'running')"),
+            sqlite_where=text("kind in ('propose', 'recommend') and state in ('queued', 'running')"),
+            postgresql_where=text("kind in ('propose', 'recommend') and state in ('queued', 'running')"),
+        ),
+        Index(
+            "uq_jobs_open_report",
+            "study_id",
+            unique=True,
+            sqlite_where=text("kind = 'report' and state in ('queued', 'running')"),
+            postgresql_where=text("kind = 'report' and state in ('queued', 'running')"),
         ),
     )
 

@@ -15,11 +15,14 @@ from sqlalchemy.orm import Session
 
 from service.db.clock import database_now
 from service.db.models import JobRow, StudyRow
-from service.domain.states import JobKind, JobState, is_over, sources
+from service.domain.states import JobKind, JobState, StudyState, is_over, sources
 
 # A published job that nobody claimed is published again after this long times the square of its publications:
 # a lost message is soon replaced, and a long backlog is not buried under copies of itself (9 an hour).
 REPUBLISH_AFTER_S = 15.0
+
+# A paused study starts no simulation and proposes nothing; a report on it may be written.
+CLAIMED_WHILE_PAUSED = (JobKind.REPORT,)
 
 _UNPUBLISHED = {"lease_until": None, "published_at": None, "publications": 0}
 
@@ -166,6 +169,26 @@ def cancel_queued(session: Session, job_id: str) -> bool:
     return session.execute(statement).scalar_one_or_none() is not None
 
 
+def withdraw(session: Session, job_id: str) -> bool:
+    """queued or running -> cancelled at once: whoever does it finds its fence closed. False: it is over."""
+    statement = (
+        update(JobRow)
+        .where(JobRow.id == job_id, JobRow.state.in_(sources(JobState.CANCELLED)))
+        .values(state=JobState.CANCELLED, cancel_requested=True, ended_at=database_now(), lease_until=None)
+        .returning(JobRow.id)
+    )
+    return session.execute(statement).scalar_one_or_none() is not None
+
+
+def publish_again(session: Session, study_id: int) -> None:
+    """The study's queued jobs have no message any more: it was dropped while the study was paused."""
+    session.execute(
+        update(JobRow)
+        .where(JobRow.study_id == study_id, JobRow.state == JobState.QUEUED)
+        .values(published_at=None, publications=0)
+    )
+
+
 def ask_to_cancel(session: Session, job_id: str) -> bool:
     """Raise the flag of a running job; its worker sees it at the next beat. False: it is not running."""
     statement = (
@@ -189,13 +212,18 @@ def expired(session: Session, limit: int = 100) -> Sequence[tuple[Lease, int]]:
 
 
 def to_publish(session: Session, limit: int = 500) -> Sequence[tuple[str, JobKind]]:
-    """Queued jobs that no message tells of, or whose message has been out for too long; oldest first."""
+    """Queued jobs that no message tells of, or whose message has been out for too long; oldest first.
+
+    Those of a paused study are held back.
+    """
     waited = database_now() - JobRow.published_at
     patience = REPUBLISH_AFTER_S * JobRow.publications * JobRow.publications
     statement = (
         select(JobRow.id, JobRow.kind)
+        .join(StudyRow, StudyRow.id == JobRow.study_id)
         .where(
             JobRow.state == JobState.QUEUED,
+            or_(StudyRow.state != StudyState.PAUSED, JobRow.kind.in_(CLAIMED_WHILE_PAUSED)),
             or_(JobRow.published_at.is_(None), waited > patience, waited < 0.0),
         )
         .order_by(JobRow.created_at, JobRow.id)

@@ -13,17 +13,30 @@ from sqlalchemy import ColumnElement, func, select, tuple_
 from sqlalchemy.orm import Session
 
 from service.db.clock import database_now
-from service.db.models import ArtifactRow, DesignRow, EventRow, JobRow, ProcessRow, RunRow, StudyRow
+from service.db.models import (
+    ArtifactRow,
+    DesignRow,
+    EventRow,
+    JobRow,
+    ProcessRow,
+    ProposalRow,
+    ReportRow,
+    RunRow,
+    StudyRow,
+    SurrogateRow,
+)
 from service.domain.spec_record import primary_response
 from service.domain.states import JobState
 
 
 @dataclass(frozen=True)
 class DesignView:
-    """A design with the job that simulates it and its files."""
+    """A design with the job that simulates it, its files, and the optimizer's proposal that it came from."""
 
     design: DesignRow
     job: JobRow | None
+    proposal: ProposalRow | None = None
+    surrogate: SurrogateRow | None = None
     artifacts: Sequence[ArtifactRow] = ()
 
 
@@ -96,6 +109,17 @@ def runs_of_job(session: Session, job_id: str) -> Sequence[RunRow]:
     return session.scalars(select(RunRow).where(RunRow.job_id == job_id).order_by(RunRow.attempt)).all()
 
 
+def costs_of_study(session: Session, study_id: int) -> Mapping[str, float]:
+    """Wall-clock seconds of all attempts at each simulation, by job."""
+    statement = (
+        select(RunRow.job_id, func.sum(RunRow.wall_s))
+        .join(JobRow, JobRow.id == RunRow.job_id)
+        .where(JobRow.study_id == study_id, JobRow.design_id.is_not(None), RunRow.wall_s.is_not(None))
+        .group_by(RunRow.job_id)
+    )
+    return {row[0]: float(row[1] or 0.0) for row in session.execute(statement)}
+
+
 def artifacts_of_design(session: Session, design_id: int) -> Sequence[ArtifactRow]:
     """The files of a design, by kind."""
     statement = select(ArtifactRow).where(ArtifactRow.design_id == design_id).order_by(ArtifactRow.kind)
@@ -124,6 +148,12 @@ def running_designs(session: Session, study_id: int) -> Sequence[tuple[int, JobR
     return [(row[0], row[1]) for row in session.execute(statement)]
 
 
+def newest_report(session: Session, study_id: int) -> ReportRow | None:
+    """What was last reported of a study, None before any."""
+    statement = select(ReportRow).where(ReportRow.study_id == study_id).order_by(ReportRow.id.desc()).limit(1)
+    return session.scalars(statement).one_or_none()
+
+
 def seen_lately(session: Session, role: str, seconds: float) -> Sequence[ProcessRow]:
     """Processes of a role that reported within the last `seconds` of the database's clock."""
     statement = select(ProcessRow).where(
@@ -140,15 +170,18 @@ def job_counts(session: Session) -> Mapping[JobState, int]:
 
 def _design_views(session: Session, condition: ColumnElement[bool]) -> list[DesignView]:
     # A design has one job in its life: retries are attempts of the same job.
+    proposed = (ProposalRow.study_id == DesignRow.study_id) & (ProposalRow.chosen == DesignRow.number)
     statement = (
-        select(DesignRow, JobRow)
+        select(DesignRow, JobRow, ProposalRow, SurrogateRow)
         .outerjoin(JobRow, JobRow.design_id == DesignRow.id)
+        .outerjoin(ProposalRow, proposed)
+        .outerjoin(SurrogateRow, SurrogateRow.id == ProposalRow.surrogate_id)
         .where(condition)
         .order_by(DesignRow.number)
     )
-    pairs = [(row[0], row[1]) for row in session.execute(statement)]
+    found = session.execute(statement).all()
     files: dict[int, list[ArtifactRow]] = {}
     stored = select(ArtifactRow).join(DesignRow, DesignRow.id == ArtifactRow.design_id).where(condition)
     for artifact in session.scalars(stored.order_by(ArtifactRow.kind)):
         files.setdefault(artifact.design_id, []).append(artifact)
-    return [DesignView(design, job, files.get(design.id, ())) for design, job in pairs]
+    return [DesignView(row[0], row[1], row[2], row[3], files.get(row[0].id, ())) for row in found]

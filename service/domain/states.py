@@ -31,9 +31,11 @@ class JobState(Enum):
 
 
 class StudyState(Enum):
-    """Where a study stands. FINISHING and CANCELLING propose nothing new and wait for what is in flight."""
+    """Where a study stands. FINISHING and CANCELLING propose nothing new and wait for what is in flight; PAUSED
+    proposes and starts nothing until somebody resumes it, and lets what runs come to its end."""
 
     RUNNING = "running"
+    PAUSED = "paused"
     FINISHING = "finishing"
     CANCELLING = "cancelling"
     COMPLETED = "completed"
@@ -42,11 +44,13 @@ class StudyState(Enum):
 
 
 class JobKind(Enum):
-    """What a job does: propose the next design, simulate one, or recommend the study's optimum at its end."""
+    """What a job does: propose the next design, simulate one, recommend the study's optimum at its end, or
+    report on what is known of a study so far."""
 
     PROPOSE = "propose"
     SIMULATE = "simulate"
     RECOMMEND = "recommend"
+    REPORT = "report"
 
 
 class Verdict(Enum):
@@ -73,8 +77,14 @@ ALLOWED_CHANGES: Mapping[State, frozenset[State]] = {
     JobState.DONE: frozenset(),
     JobState.FAILED: frozenset(),
     JobState.CANCELLED: frozenset(),
-    StudyState.RUNNING: frozenset({StudyState.FINISHING, StudyState.CANCELLING, StudyState.FAILED}),
-    StudyState.FINISHING: frozenset({StudyState.CANCELLING, StudyState.COMPLETED, StudyState.FAILED}),
+    StudyState.RUNNING: frozenset(
+        {StudyState.PAUSED, StudyState.FINISHING, StudyState.CANCELLING, StudyState.FAILED}
+    ),
+    StudyState.PAUSED: frozenset({StudyState.RUNNING, StudyState.CANCELLING, StudyState.FAILED}),
+    # FINISHING -> RUNNING: more budget came before the recommendation was made.
+    StudyState.FINISHING: frozenset(
+        {StudyState.RUNNING, StudyState.CANCELLING, StudyState.COMPLETED, StudyState.FAILED}
+    ),
     StudyState.CANCELLING: frozenset({StudyState.CANCELLED, StudyState.FAILED}),
     StudyState.COMPLETED: frozenset(),
     StudyState.CANCELLED: frozenset(),
@@ -85,7 +95,11 @@ OPEN_DESIGNS = (DesignState.WAITING, DesignState.RUNNING)
 OPEN_JOBS = (JobState.QUEUED, JobState.RUNNING)
 
 
-class ChangeNotAllowed(RuntimeError):
+class ActionNotAllowed(RuntimeError):
+    """Something that cannot be done in the state that a row is in; the text says why, for the user."""
+
+
+class ChangeNotAllowed(ActionNotAllowed):
     """A state change that the table does not have."""
 
     def __init__(self, current: State, new: State) -> None:

@@ -79,8 +79,8 @@ def _is_due(session: Session, study: StudyRow) -> bool:
 
 def _has_open(session: Session, study: StudyRow, kind: JobKind | None = None) -> bool:
     found = exists().where(JobRow.study_id == study.id, JobRow.state.in_(OPEN_JOBS))
-    if kind is not None:
-        found = found.where(JobRow.kind == kind)
+    # A report only reads: nothing waits for it.
+    found = found.where(JobRow.kind != JobKind.REPORT if kind is None else JobRow.kind == kind)
     return bool(session.scalar(select(found)))
 
 

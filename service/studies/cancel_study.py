@@ -20,6 +20,7 @@ def cancel_study(session: Session, study_id: int) -> StudyRow | None:
     require_change(study.state, StudyState.CANCELLING)
     study.state = StudyState.CANCELLING
     study.stop_reason, study.stop_text, study.stop_numbers = "user", "Cancelled by the user.", None
+    study.pause_reason = study.pause_text = study.pause_numbers = None
     record_study_event(session, study, "study_stopping")
     withdraw_jobs(session, study)
     advance_study(session, study)

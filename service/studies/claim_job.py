@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import DesignRow, RunRow
+from service.db.models import DesignRow, JobRow, RunRow, StudyRow
 from service.db.queries import Lease
 from service.domain.history import StudyHistory
 from service.domain.spec_record import spec_from_record
-from service.domain.states import DesignState, JobKind, require_change
+from service.domain.states import DesignState, JobKind, StudyState, require_change
 from service.domain.study import StudySpec
 from service.studies.read_history import read_history, read_whole_history
 from service.studies.record_event import record_design_event
@@ -39,8 +39,10 @@ def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> 
     """None when there is nothing to claim: the message was a duplicate, forged, or came too late."""
     study_id = queries.study_of_job(session, job_id)
     study = queries.lock_study(session, study_id) if study_id is not None else None
-    job = queries.claim(session, job_id, worker_id, lease_s) if study is not None else None
-    if study is None or job is None:
+    if study is None or _is_held(session, study, job_id):
+        return None
+    job = queries.claim(session, job_id, worker_id, lease_s)
+    if job is None:
         return None
     session.add(
         RunRow(job_id=job.id, attempt=job.attempt, worker_id=worker_id, time_step_factor=job.time_step_factor)
@@ -60,3 +62,10 @@ def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> 
     factor = job.time_step_factor
     run = (design.id, design.number, x, design.seed, design.scale)
     return Claim(lease, job.kind, study.id, spec, factor, left, *run)
+
+
+def _is_held(session: Session, study: StudyRow, job_id: str) -> bool:
+    """A paused study keeps its jobs queued; resuming publishes them again."""
+    if study.state is not StudyState.PAUSED:
+        return False
+    return session.get_one(JobRow, job_id).kind not in queries.CLAIMED_WHILE_PAUSED

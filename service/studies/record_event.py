@@ -15,13 +15,16 @@ def record_event(session: Session, study_id: int, kind: str, data: dict[str, Any
 
 
 def record_study_event(session: Session, study: StudyRow, kind: str) -> None:
-    """The study's state, counters and stop reason as they are now."""
+    """The study's state, budget, counters and reasons as they are now."""
     data = {
         "study_id": study.id,
         "state": study.state.value,
         "counters": {"feasible": study.feasible, "unfeasible": study.unfeasible, "error": study.error},
+        "budget": study.budget,
         "stop_reason": study.stop_reason,
         "stop_text": study.stop_text,
+        "pause_reason": study.pause_reason,
+        "pause_text": study.pause_text,
     }
     record_event(session, study.id, kind, data)
 

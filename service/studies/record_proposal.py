@@ -13,7 +13,12 @@ from service.domain.states import DesignState, JobKind, JobState, StudyState, re
 from service.studies.advance_study import add_job, advance_study, next_number
 from service.studies.close_run import close_run
 from service.studies.finish_job import FinishedJob, finish_job
+from service.studies.pause_study import pause
 from service.studies.record_event import record_design_event, record_study_event
+from service.studies.store_proposal import store_proposal
+
+# Reasons that a person can mend: the study waits for one instead of ending.
+PAUSING = frozenset({"too_many_failures"})
 
 
 def record_proposal(
@@ -25,29 +30,35 @@ def record_proposal(
         return False
     close_run(session, lease, "done", cost=cost)
     if ended.study.state is StudyState.RUNNING:
+        # The fence makes this the number that the answer was computed for: whatever else numbers a design, or
+        # changes what a proposal depends on, withdraws the open proposal first.
+        number = next_number(session, ended.study.id)
+        store_proposal(session, ended.study, number, answer)
         if isinstance(answer, StudyStop):
             _stop(session, ended, answer)
         else:
-            _add_design(session, ended, answer)
+            _add_design(session, ended, answer, number)
     advance_study(session, ended.study)
     return True
 
 
 def _stop(session: Session, ended: FinishedJob, stop: StudyStop) -> None:
     study = ended.study
+    if stop.reason in PAUSING:
+        pause(session, study, stop)
+        return
     require_change(study.state, StudyState.FINISHING)
     study.state = StudyState.FINISHING
     study.stop_reason, study.stop_text, study.stop_numbers = stop.reason, stop.text, dict(stop.numbers)
     record_study_event(session, study, "study_stopping")
 
 
-def _add_design(session: Session, ended: FinishedJob, proposal: ProposedDesign) -> None:
+def _add_design(session: Session, ended: FinishedJob, proposal: ProposedDesign, number: int) -> None:
     study = ended.study
     spec = spec_from_record(study.spec)
     design = DesignRow(
         study_id=study.id,
-        # The fence makes this the number that the proposal was computed for: designs come from here alone.
-        number=next_number(session, study.id),
+        number=number,
         x=spec.space.as_dict(proposal.x),
         x_hash=design_hash(spec.parameters_of(proposal.x)),
         scale=proposal.scale,
@@ -56,8 +67,6 @@ def _add_design(session: Session, ended: FinishedJob, proposal: ProposedDesign) 
         reason=proposal.reason,
         prediction=dict(proposal.prediction) if proposal.prediction is not None else None,
         acquisition=proposal.acquisition,
-        training_hash=proposal.training_hash,
-        hyperparameters=dict(proposal.hyperparameters) if proposal.hyperparameters is not None else None,
         state=DesignState.WAITING,
     )
     session.add(design)

@@ -7,7 +7,9 @@ from sqlalchemy.orm import Session
 
 from service.db import queries
 from service.db.models import DesignRow, JobRow, StudyRow
+from service.db.queries import Lease
 from service.domain.states import OPEN_JOBS, DesignState, JobKind, JobState, require_change
+from service.studies.close_run import close_run
 from service.studies.record_event import record_design_event
 
 
@@ -18,6 +20,21 @@ def withdraw_jobs(session: Session, study: StudyRow) -> None:
     )
     for job in session.scalars(open_jobs).all():
         withdraw_job(session, job)
+
+
+def withdraw_decision(session: Session, study: StudyRow, why: str) -> None:
+    """Fence off an open proposal or recommendation: what it is based on changes. Its worker discards it.
+
+    Needs the study's lock; `advance_study` then asks anew.
+    """
+    open_jobs = select(JobRow).where(
+        JobRow.study_id == study.id,
+        JobRow.state.in_(OPEN_JOBS),
+        JobRow.kind.in_((JobKind.PROPOSE, JobKind.RECOMMEND)),
+    )
+    for job in session.scalars(open_jobs).all():
+        if queries.withdraw(session, job.id):
+            close_run(session, Lease(job.id, job.attempt), "cancelled", why)
 
 
 def withdraw_job(session: Session, job: JobRow) -> bool:
