@@ -1,4 +1,4 @@
-"""The commands of `talus` that act on one study of the running service: its files, and what its user does to it."""
+"""The commands of `talus` that act on one study of a running service: its files, and its user's controls."""
 
 from __future__ import annotations
 

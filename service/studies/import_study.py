@@ -152,7 +152,7 @@ def _study_row(file: StudyFile, spec: StudySpec) -> StudyRow:
 
 
 def _add_designs(session: Session, study: StudyRow, spec: StudySpec, record: StudyRecord) -> None:
-    """Few statements, however many designs: a flush inserts all rows of a kind at once."""
+    """All rows of a kind go in one flush: a study of thousands of designs is a matter of seconds."""
     plain = [name for name in DesignRecord.model_fields if name in DesignRow.__table__.columns]
     rows = list[DesignRow]()
     for design in record.designs:

@@ -31,7 +31,8 @@ def record_measurement(
     design.angle_sd_deg = measurement.angle_sd_deg
     design.literal_angle_deg = measurement.literal_angle_deg
     design.results = dict(measurement.results)
-    design.verdict = judge(spec_from_record(study.spec).responses, measurement.observed)
+    design.responses = measurement.observed
+    design.verdict = judge(spec_from_record(study.spec).responses, design.responses)
     if design.verdict is Verdict.FEASIBLE:
         study.feasible += 1
     elif design.verdict is Verdict.UNFEASIBLE:

@@ -11,13 +11,17 @@ from service.db.clock import database_now
 from service.db.models import ArtifactRow, DesignRow, EventRow, JobRow, StudyRow
 from service.db.session import Database
 from service.domain.history import ProposedDesign, StudyStop
-from service.domain.outcome import PileMeasurement, StoredArtifact
+from service.domain.outcome import Failure, FailureClass, PileMeasurement, RunCost, StoredArtifact
 from service.domain.search_space import default_space
 from service.domain.states import DesignState, JobKind, JobState, Verdict
 from service.domain.study import Response, StudySpec
+from service.studies.cancel_job import cancel_job
 from service.studies.claim_job import Claim, claim_job
 from service.studies.create_study import create_study
+from service.studies.record_failure import record_failure
+from service.studies.record_measurement import record_measurement
 from service.studies.record_proposal import record_proposal
+from service.studies.record_recommendation import record_recommendation
 
 LEASE_S = 10.0
 
@@ -94,6 +98,38 @@ def a_simulate_job(database: Database, **changes: Any) -> tuple[int, str]:
     return study_id, job_id
 
 
+def simulate(database: Database, job_id: str, angle_deg: float | None, cost: RunCost | None = None) -> None:
+    """Do a simulate job as a worker would; None: it ends in error."""
+    lease = claimed(database, job_id).lease
+    with database.writing() as session:
+        if angle_deg is None:
+            assert record_failure(session, lease, Failure(FailureClass.NO_RESULT, "no pile"), cost)
+        else:
+            assert record_measurement(session, lease, a_measurement(angle_deg), cost)
+
+
+def a_finished_study(database: Database, **changes: Any) -> int:
+    """A certified study of four designs: in the window, outside it, an error, cancelled."""
+    study_id = a_study(database, **{"parallel": 4, **changes})
+    fit = {"noise_sd_deg": 0.5, "length_scales": [0.4, 1.0, 2.0, 0.3]}
+    told = {"mean_deg": 25.5, "sd_deg": 0.4}
+    for number in (1, 2, 3, 4):
+        more = {"hyperparameters": fit, "prediction": told} if number > 2 else {}
+        propose_next(database, study_id, a_proposal(number, training_hash=f"{number:064x}", **more))
+    cost = RunCost("0123456789abcdef", 1e-4, 20_000, 12.5, 12.25, 210.0)
+    jobs = open_jobs(database, study_id, JobKind.SIMULATE)
+    for job_id, angle in zip(jobs, (25.4, 30.0, None), strict=False):
+        simulate(database, job_id, angle, cost)
+    with database.writing() as session:
+        cancel_job(session, jobs[3])
+    propose_next(database, study_id, StudyStop("certified", "Within 0.5 deg (90 %).", {"sd_deg": 0.2}))
+    (last,) = open_jobs(database, study_id)
+    lease = claimed(database, last).lease
+    with database.writing() as session:
+        assert record_recommendation(session, lease, {"x": {"rolling_resistance": 0.2}, "mean_deg": 25.4})
+    return study_id
+
+
 def let_lease_expire(database: Database, job_id: str) -> None:
     """As if the worker had been silent for its whole lease."""
     with database.writing() as session:
@@ -140,6 +176,7 @@ def add_finished_designs(database: Database, study_id: int, count: int) -> None:
                 state=DesignState.COMPLETE,
                 verdict=Verdict.FEASIBLE,
                 angle_deg=25.0 + (n - 1) / 100,
+                responses={"angle_deg": 25.0 + (n - 1) / 100},
             )
             session.add(design)
             session.flush()

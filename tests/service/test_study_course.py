@@ -7,14 +7,10 @@ from sqlalchemy import event
 from service.db import read_models
 from service.db.session import Database
 from service.domain.history import StudyStop
-from service.domain.outcome import Failure, FailureClass
 from service.domain.states import DesignState, JobKind, StudyState, Verdict
 from service.studies.cancel_job import cancel_job
-from service.studies.record_failure import record_failure
-from service.studies.record_measurement import record_measurement
 from service.studies.record_recommendation import record_recommendation
 from tests.builders.studies import (
-    a_measurement,
     a_study,
     add_finished_designs,
     claimed,
@@ -22,17 +18,9 @@ from tests.builders.studies import (
     event_kinds,
     open_jobs,
     propose_next,
+    simulate,
     study,
 )
-
-
-def simulate(database: Database, job_id: str, angle_deg: float | None) -> None:
-    lease = claimed(database, job_id).lease
-    with database.writing() as session:
-        if angle_deg is None:
-            assert record_failure(session, lease, Failure(FailureClass.NO_RESULT, "no pile"))
-        else:
-            assert record_measurement(session, lease, a_measurement(angle_deg))
 
 
 def test_as_many_designs_are_in_flight_as_the_study_says(database: Database) -> None:
