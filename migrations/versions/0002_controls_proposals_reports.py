@@ -37,6 +37,7 @@ OBSERVABLES: Mapping[str, str] = {
     "mass_on_base_kg": "mass_on_base_kg",
     "discharge_t90_s": "discharge_t90_s",
     "heap_height_m": "apex_height_m",
+    "fill_height_m": "fill_height_m",
 }
 
 

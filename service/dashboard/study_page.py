@@ -163,7 +163,7 @@ def headline_of(study: StudyRow, designs: Any) -> Headline:
             repeats_deg=repeats,
             x=found.get("x") or {},
             numbers=tuple(found.get("numbers") or ()),
-            reason=study.stop_text,
+            reason=study.stop_text or study.pause_text,
             gauge=draw_gauge((lower, upper), response["target"], mean, half, repeats),
         )
     best = nearest(designs, response["target"])
@@ -179,7 +179,7 @@ def headline_of(study: StudyRow, designs: Any) -> Headline:
         repeats_deg=(),
         x=best.x if best is not None else {},
         numbers=(best.number,) if best is not None else (),
-        reason=study.stop_text,
+        reason=study.stop_text or study.pause_text,
         gauge=draw_gauge((lower, upper), response["target"], angle),
     )
 
@@ -197,6 +197,8 @@ def _verdict(study: StudyRow) -> tuple[Word, str]:
         return words.STOPS["certified"], "good"
     if is_over(study.state):
         return words.STOPS.get(study.stop_reason or "", Word("Not certified", "The study is over.")), "doubt"
+    if study.state is StudyState.PAUSED:
+        return words.look_up(words.PAUSES, study.pause_reason), "doubt"
     return Word("Not certified yet", "The study goes on until it is sure, or its budget is spent."), "busy"
 
 

@@ -26,6 +26,7 @@ PARAMETER_NAMES: Mapping[str, str] = {
 
 STUDY_STATES: Mapping[str, Word] = {
     "running": Word("running", "Simulations are proposed and run."),
+    "paused": Word("paused", "Nothing new is proposed or started until somebody resumes it."),
     "finishing": Word("finishing", "Nothing new is proposed; the last simulations end."),
     "cancelling": Word("stopping", "A user stopped the study; what is in flight ends."),
     "completed": Word("finished", "The study ended by its own rules."),
@@ -51,6 +52,10 @@ ORIGINS: Mapping[str, Word] = {
     "doe": Word("initial", "Design of experiments: spread over the search space to learn its shape."),
     "model": Word("model", "Proposed by the model where it expects the largest gain."),
     "replicate": Word("repeat", "The same parameters with another random seed, to measure the scatter."),
+    "manual": Word("by hand", "Parameters that a user asked for."),
+    "import": Word("known", "Known before the study; it was not simulated for it."),
+    "warm": Word("earlier", "From an earlier study of the same test."),
+    "coarse": Word("coarse", "A cheap simulation with larger particles, to learn the shape."),
 }
 
 PHASES: Mapping[str, str] = {"settle": "filling and settling", "discharge": "discharge over the rim"}
@@ -59,6 +64,7 @@ JOB_KINDS: Mapping[str, str] = {
     "simulate": "pile test",
     "propose": "choosing the next parameters",
     "recommend": "choosing the optimum",
+    "report": "writing the report",
 }
 
 FAILURES: Mapping[str, str] = {
@@ -79,6 +85,13 @@ STOPS: Mapping[str, Word] = {
     "too_many_failures": Word("Not certified", "Too many simulations ended in error."),
     "user": Word("Not certified", "A user stopped the study."),
     "error": Word("Failed", "The study could not go on."),
+    "exported_early": Word("Not certified", "It was exported before its end."),
+}
+
+# Why a study is paused.
+PAUSES: Mapping[str, Word] = {
+    "user": Word("Paused", "A user paused the study."),
+    "too_many_failures": Word("Paused", "Too many simulations ended in error."),
 }
 
 UNKNOWN = "Not explained yet."

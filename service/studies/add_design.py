@@ -22,7 +22,7 @@ from service.domain.errors import InvalidValue
 from service.domain.search_space import SearchSpace
 from service.domain.spec_record import design_hash, spec_from_record
 from service.domain.states import ActionNotAllowed, DesignState, JobKind, StudyState
-from service.studies.advance_study import add_job, advance_study, next_number
+from service.studies.advance_study import add_job, advance_study, next_number, spent
 from service.studies.record_event import record_design_event
 from service.studies.withdraw_jobs import withdraw_decision
 
@@ -96,14 +96,14 @@ def rerun_design(
 def append(session: Session, study: StudyRow, wanted: WantedDesign, key: str | None) -> DesignRow:
     """Needs the study's lock."""
     spec = spec_from_record(study.spec)
-    x_hash = design_hash(spec.space.names, tuple(wanted.x[name] for name in spec.space.names), spec.fixed)
+    x_hash = design_hash(spec.parameters_of(tuple(wanted.x[name] for name in spec.space.names)))
     stored = _stored(session, study, wanted, x_hash, key)
     if stored is not None:
         return stored
     if study.state not in (StudyState.RUNNING, StudyState.PAUSED):
         raise ActionNotAllowed(f"study {study.id} is {study.state.value} and takes no more designs")
     number = next_number(session, study.id)
-    if number > study.budget:
+    if spent(session, study) >= study.budget:
         raise ActionNotAllowed(f"the budget of {study.budget} simulations is spent: extend it first")
     design = DesignRow(
         study_id=study.id,

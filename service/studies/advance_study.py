@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 
 from service.db import queries
 from service.db.models import DesignRow, JobRow, StudyRow
-from service.domain.states import OPEN_DESIGNS, OPEN_JOBS, JobKind, StudyState, require_change
+from service.domain.states import OPEN_DESIGNS, OPEN_JOBS, DesignState, JobKind, StudyState, require_change
 from service.studies.record_event import record_study_event
 
 # The first attempt and two more after a lost worker or a want of memory (calibration.md, decision 3).
@@ -60,17 +60,28 @@ def next_number(session: Session, study_id: int) -> int:
     return (last or 0) + 1
 
 
-def last_seen(study: StudyRow, number: int) -> int:
-    """The last design whose result the proposal of design `number` waits for and sees.
+def last_seen(session: Session, study: StudyRow, number: int) -> int:
+    """The last design whose result the proposal of design `number`, the next one, waits for and sees.
 
-    Beyond the budget there is only the stop to decide, and that sees every result.
+    Once the budget is spent there is only the stop to decide, and that sees every result.
     """
-    is_spent = number > int(study.spec["budget"])
+    is_spent = spent(session, study) >= study.budget
     return number - (1 if is_spent else int(study.spec["parallel"]))
 
 
+def spent(session: Session, study: StudyRow) -> int:
+    """Simulations that count against the budget: not cancelled, at the study's own scale, made here."""
+    statement = select(func.count()).where(
+        DesignRow.study_id == study.id,
+        DesignRow.state != DesignState.CANCELLED,
+        DesignRow.origin != "import",
+        DesignRow.scale == float(study.spec["scale"]),
+    )
+    return int(session.scalar(statement) or 0)
+
+
 def _is_due(session: Session, study: StudyRow) -> bool:
-    basis = last_seen(study, next_number(session, study.id))
+    basis = last_seen(session, study, next_number(session, study.id))
     waits = exists().where(
         DesignRow.study_id == study.id, DesignRow.number <= basis, DesignRow.state.in_(OPEN_DESIGNS)
     )

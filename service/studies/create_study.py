@@ -9,12 +9,15 @@ from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from service.db.models import StudyRow
-from service.domain.spec_record import spec_to_record
-from service.domain.states import StudyState
+from service.db import queries
+from service.db.models import DesignRow, StudyRow
+from service.domain.outcome import judge
+from service.domain.spec_record import design_hash, spec_to_record
+from service.domain.states import DesignState, StudyState
 from service.domain.study import StudySpec, refuse_tolerance_below_noise
 from service.studies.advance_study import advance_study
-from service.studies.record_event import record_study_event
+from service.studies.record_event import record_design_event, record_study_event
+from service.studies.warm_start import check_warm_start
 
 
 class KeyReused(ValueError):
@@ -26,9 +29,11 @@ def create_study(
 ) -> tuple[StudyRow, bool]:
     """The study's row, and whether it is new: the same key and spec give the stored study again.
 
-    Raises InvalidValue for a tolerance under half the noise.
+    Raises InvalidValue for a tolerance under half the noise, and for a warm start from a study that it cannot
+    start from.
     """
     refuse_tolerance_below_noise(spec)
+    check_warm_start(session, spec)
     record = spec_to_record(spec)
     request_hash = hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
     study = StudyRow(
@@ -54,6 +59,35 @@ def create_study(
             raise KeyReused(f"belongs to study {stored.id}, which was asked for otherwise") from None
         return stored, False
     record_study_event(session, study, "study_created")
+    _add_known_designs(session, study, spec)
     advance_study(session, study)
     session.flush()
     return study, True
+
+
+def _add_known_designs(session: Session, study: StudyRow, spec: StudySpec) -> None:
+    """The rows of the user's table that have results already: finished designs that cost nothing."""
+    when = queries.now(session)
+    for number, row in enumerate(spec.imported, start=1):
+        x, results = tuple(row.x[name] for name in spec.space.names), dict(row.results or {})
+        design = DesignRow(
+            study_id=study.id,
+            number=number,
+            x=spec.space.as_dict(x),
+            x_hash=design_hash(spec.parameters_of(x)),
+            scale=spec.scale,
+            # Rows of the same parameters are replicates; how their seeds were called is not known.
+            seed=number,
+            origin="import",
+            reason=f"Known before the study: row {number} of its table that has results.",
+            state=DesignState.COMPLETE,
+            verdict=judge(spec.responses, results),
+            angle_deg=results.get("angle_deg"),
+            literal_angle_deg=results.get("literal_angle_deg"),
+            responses=results,
+            started_at=when,
+            ended_at=when,
+        )
+        session.add(design)
+        session.flush()
+        record_design_event(session, design, "design_finished")

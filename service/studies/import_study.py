@@ -160,9 +160,7 @@ def _add_designs(session: Session, study: StudyRow, spec: StudySpec, record: Stu
         if not is_over(design.state):
             values |= {"state": DesignState.CANCELLED, "ended_at": study.ended_at}
         x = tuple(design.x[name] for name in spec.space.names)
-        rows.append(
-            DesignRow(study_id=study.id, x_hash=design_hash(spec.space.names, x, spec.fixed), **values)
-        )
+        rows.append(DesignRow(study_id=study.id, x_hash=design_hash(spec.parameters_of(x)), **values))
     session.add_all(rows)
     fits = _surrogates(study.id, record.designs)
     session.add_all(fits.values())
@@ -218,7 +216,7 @@ def _proposal(
         basis=basis,
         pending=design.number - 1 - basis,
         seed=spec.seed,
-        strategy=getattr(spec, "strategy", "auto"),
+        strategy=spec.strategy,
         acquisition=design.acquisition,
         training_hash=training_hash,
         created_at=design.created_at,

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from sqlalchemy import select
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, defer
 
 from service.db.models import DesignRow, StudyRow
 from service.domain.history import FinishedDesign, PendingDesign, StudyHistory
-from service.domain.observables import read_observables
 from service.domain.spec_record import spec_from_record
 from service.domain.states import DesignState, is_over
+from service.domain.study import StudySpec
 from service.studies.advance_study import last_seen, next_number
+from service.studies.warm_start import pooled_noise, read_warm_start
 
 
 def read_history(session: Session, study: StudyRow) -> StudyHistory:
@@ -19,7 +20,7 @@ def read_history(session: Session, study: StudyRow) -> StudyHistory:
     Cancelled designs are ignored (calibration.md, decision 3).
     """
     number = next_number(session, study.id)
-    return _history(session, study, number, basis=last_seen(study, number))
+    return _history(session, study, number, basis=last_seen(session, study, number))
 
 
 def read_whole_history(session: Session, study: StudyRow) -> StudyHistory:
@@ -34,21 +35,36 @@ def _history(session: Session, study: StudyRow, number: int, basis: int) -> Stud
         select(DesignRow)
         .where(DesignRow.study_id == study.id, DesignRow.state != DesignState.CANCELLED)
         .order_by(DesignRow.number)
+        .options(defer(DesignRow.results, raiseload=True))
+    ).all()
+    seen = [row for row in rows if row.number <= basis and is_over(row.state)]
+    # An error that was repeated with its own seed counts no more, once the repetition's result is seen.
+    last = {_key(row): row.number for row in seen}
+    numbers = {row.number for row in seen}
+    warm = read_warm_start(session, spec)
+    return StudyHistory(
+        spec,
+        number,
+        finished=tuple(_finished(spec, row) for row in seen if last[_key(row)] == row.number),
+        pending=tuple(_pending(spec, row) for row in rows if row.number not in numbers),
+        warm=warm,
+        noise=pooled_noise(warm),
+        failures_forgiven=study.failures_forgiven,
     )
-    finished: list[FinishedDesign] = []
-    pending: list[PendingDesign] = []
-    for row in rows:
-        x = tuple(float(row.x[name]) for name in spec.space.names)
-        if row.number <= basis and is_over(row.state):
-            finished.append(FinishedDesign(row.number, x, row.seed, _results(row), row.origin, row.scale))
-        else:
-            pending.append(PendingDesign(row.number, x, row.seed, row.origin, row.scale))
-    return StudyHistory(spec, number, tuple(finished), tuple(pending))
 
 
-def _results(row: DesignRow) -> dict[str, float] | None:
-    """By observable; None after an error. The angles have columns of their own."""
-    if row.state is not DesignState.COMPLETE:
-        return None
-    angles = {"angle_deg": row.angle_deg, "literal_angle_deg": row.literal_angle_deg}
-    return read_observables({**(row.results or {}), **angles})
+def _key(row: DesignRow) -> tuple[str, float, int]:
+    return row.x_hash, row.scale, row.seed
+
+
+def _finished(spec: StudySpec, row: DesignRow) -> FinishedDesign:
+    results = dict(row.responses or {}) if row.state is DesignState.COMPLETE else None
+    return FinishedDesign(row.number, _x(spec, row), row.seed, results, row.origin, row.scale)
+
+
+def _pending(spec: StudySpec, row: DesignRow) -> PendingDesign:
+    return PendingDesign(row.number, _x(spec, row), row.seed, row.origin, row.scale)
+
+
+def _x(spec: StudySpec, row: DesignRow) -> tuple[float, ...]:
+    return tuple(float(row.x[name]) for name in spec.space.names)

@@ -7,6 +7,7 @@ from sqlalchemy.orm import Session
 
 from service.db.models import DesignRow, ProposalRow, StudyRow, SurrogateRow
 from service.domain.history import ProposedDesign, StudyStop
+from service.domain.spec_record import upgraded
 from service.domain.states import DesignState
 from service.studies.advance_study import last_seen
 
@@ -15,14 +16,14 @@ def store_proposal(
     session: Session, study: StudyRow, number: int, answer: ProposedDesign | StudyStop
 ) -> None:
     """Needs the study's lock; `number` is the design that the answer was asked for."""
-    basis = last_seen(study, number)
+    basis = last_seen(session, study, number)
     proposal = ProposalRow(
         study_id=study.id,
         number=number,
         basis=basis,
         pending=_count_pending(session, study.id, basis),
         seed=study.seed,
-        strategy=str(study.spec.get("strategy", "auto")),
+        strategy=str(upgraded(study.spec)["strategy"]),
     )
     if isinstance(answer, StudyStop):
         proposal.stop_reason = answer.reason

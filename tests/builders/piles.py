@@ -196,11 +196,10 @@ def finish(database: Database, study_id: int, recommendation: dict[str, Any] | N
 
 
 def a_study_without_piles(database: Database) -> int:
-    """Over after errors alone; their text is hostile."""
+    """Paused after errors alone; their text is hostile."""
     study_id = a_study(database, parallel=1)
     add_failure(database, study_id, SCRIPT)
     propose_next(database, study_id, StudyStop("too_many_failures", f"1 of 1 ended in error {SCRIPT}", {}))
-    finish(database, study_id, None)
     return study_id
 
 

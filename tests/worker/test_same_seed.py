@@ -9,7 +9,9 @@ import random
 from typing import Any
 
 import pytest
+from sqlalchemy import select
 
+from service.db.models import ProposalRow
 from service.db.session import Database
 from service.domain.outcome import PileMeasurement
 from service.domain.states import StudyState
@@ -38,10 +40,13 @@ def outcome(database: Database, study_id: int) -> list[Any]:
     ended = study(database, study_id)
     assert ended.state is StudyState.COMPLETED
     rows = [
-        (d.number, d.x, d.seed, d.origin, d.angle_deg, d.training_hash, d.prediction, d.reason)
+        (d.number, d.x, d.seed, d.origin, d.angle_deg, d.prediction, d.reason)
         for d in designs(database, study_id)
     ]
-    return [rows, ended.stop_reason, ended.stop_numbers, ended.recommendation]
+    with database.reading() as session:
+        proposals = select(ProposalRow).where(ProposalRow.study_id == study_id).order_by(ProposalRow.number)
+        told = [(p.number, p.basis, p.pending, p.training_hash) for p in session.scalars(proposals)]
+    return [rows, told, ended.stop_reason, ended.stop_numbers, ended.recommendation]
 
 
 def undisturbed(worker: InProcessWorker) -> list[Any]:

@@ -50,7 +50,7 @@ STUDIES: dict[str, tuple[Course, tuple[str, ...]]] = {
     ),
     "errors alone": (
         piles.a_study_without_piles,
-        ("no angle yet", "ecame unstable", "1 of 1 ended in error"),
+        ("no angle yet", "ecame unstable", "Paused", "1 of 1 ended in error"),
     ),
     "failed": (piles.a_failed_study, ("Failed", "singular matrix")),
     "cancelled": (a_cancelled_study, ("stopped", "Cancelled by the user")),
@@ -99,7 +99,7 @@ def test_a_study_page_says_how_the_study_stands(
     check_page(response.text)
     for word in words:
         assert word in response.text, word
-    assert ("data-over" in response.text) == (name not in ("empty", "searching"))
+    assert ("data-over" in response.text) == (name not in ("empty", "searching", "errors alone"))
     overview = client.get("/")
     check_page(overview.text)
     assert f'href="/studies/{study_id}"' in overview.text
