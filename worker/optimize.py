@@ -51,7 +51,7 @@ def _history(history: StudyHistory) -> History:
         noise={
             r.observable: history.noise[r.observable] for r in spec.responses if r.observable in history.noise
         },
-        failures_forgiven=history.failures_forgiven,
+        accepted=history.accepted,
     )
 
 

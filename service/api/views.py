@@ -46,6 +46,7 @@ class StudyAnswer(BaseModel):
     seed: int
     counters: Counters
     stop: StopBody | None
+    pause: StopBody | None = Field(description="why it is paused, null when it is not")
     recommendation: dict[str, Any] | None = Field(
         description="the optimum: `x` by parameter, posterior mean_deg and sd_deg, replicates_deg, certified"
     )
@@ -54,9 +55,11 @@ class StudyAnswer(BaseModel):
 
     @classmethod
     def of(cls, row: StudyRow) -> Self:
-        stop = None
+        stop, pause = None, None
         if row.stop_reason is not None:
             stop = StopBody(reason=row.stop_reason, text=row.stop_text, numbers=row.stop_numbers)
+        if row.pause_reason is not None:
+            pause = StopBody(reason=row.pause_reason, text=row.pause_text, numbers=row.pause_numbers)
         return cls(
             id=row.id,
             state=row.state,
@@ -66,6 +69,7 @@ class StudyAnswer(BaseModel):
             seed=row.seed,
             counters=Counters(feasible=row.feasible, unfeasible=row.unfeasible, error=row.error),
             stop=stop,
+            pause=pause,
             recommendation=row.recommendation,
             created_at=as_utc(row.created_at),
             ended_at=as_utc(row.ended_at),

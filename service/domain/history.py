@@ -56,8 +56,9 @@ class StudyHistory:
 
     finished, pending: at the study's scale and at its coarse one, told apart by their `scale`. A row of a table
     with results is a finished design of origin `import`, which costs no budget, as coarse runs do not.
-    warm: the studies that `spec.warm_start` names. noise: by observable, what their replicates scatter.
-    failures_forgiven: designs up to this number no longer count among too many failures: a person resumed.
+    warm: the studies that `spec.warm_start` names. noise: by observable, what their replicates scatter. accepted:
+    the last design whose failure a person has seen before resuming a study that had paused for too many
+    failures; up to it, failures do not pause the study again.
     """
 
     spec: StudySpec
@@ -66,7 +67,7 @@ class StudyHistory:
     pending: tuple[PendingDesign, ...]
     warm: tuple[WarmHistory, ...] = ()
     noise: Mapping[str, NoiseLevel] = field(default_factory=dict)
-    failures_forgiven: int = 0
+    accepted: int = 0
 
 
 @dataclass(frozen=True)

@@ -70,14 +70,13 @@ def last_seen(session: Session, study: StudyRow, number: int) -> int:
 
 
 def spent(session: Session, study: StudyRow) -> int:
-    """Simulations that count against the budget: not cancelled, at the study's own scale, made here."""
-    statement = select(func.count()).where(
+    """Designs that count against the budget: all but those known before and runs at the coarse scale."""
+    free = select(func.count()).where(
         DesignRow.study_id == study.id,
         DesignRow.state != DesignState.CANCELLED,
-        DesignRow.origin != "import",
-        DesignRow.scale == float(study.spec["scale"]),
+        (DesignRow.origin == "import") | (DesignRow.scale != float(study.spec["scale"])),
     )
-    return int(session.scalar(statement) or 0)
+    return next_number(session, study.id) - 1 - int(session.scalar(free) or 0)
 
 
 def _is_due(session: Session, study: StudyRow) -> bool:

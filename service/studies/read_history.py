@@ -37,7 +37,8 @@ def _history(session: Session, study: StudyRow, number: int, basis: int) -> Stud
         .order_by(DesignRow.number)
         .options(defer(DesignRow.results, raiseload=True))
     ).all()
-    seen = [row for row in rows if row.number <= basis and is_over(row.state)]
+    # What was known before the study is seen by all of its proposals.
+    seen = [row for row in rows if row.origin == "import" or (row.number <= basis and is_over(row.state))]
     # An error that was repeated with its own seed counts no more, once the repetition's result is seen.
     last = {_key(row): row.number for row in seen}
     numbers = {row.number for row in seen}
@@ -49,7 +50,7 @@ def _history(session: Session, study: StudyRow, number: int, basis: int) -> Stud
         pending=tuple(_pending(spec, row) for row in rows if row.number not in numbers),
         warm=warm,
         noise=pooled_noise(warm),
-        failures_forgiven=study.failures_forgiven,
+        accepted=study.failures_forgiven,
     )
 
 

@@ -16,7 +16,7 @@ def store_proposal(
     session: Session, study: StudyRow, number: int, answer: ProposedDesign | StudyStop
 ) -> None:
     """Needs the study's lock; `number` is the design that the answer was asked for."""
-    basis = last_seen(session, study, number)
+    basis = max(0, last_seen(session, study, number))
     proposal = ProposalRow(
         study_id=study.id,
         number=number,

@@ -13,6 +13,7 @@ from service.db.models import EventRow, JobRow, StudyRow
 from service.db.session import Database
 
 PP = "particle_particle_static_friction"
+FIXED = {"particle_wall_static_friction": 0.4, "particle_particle_restitution": 0.3}
 
 
 def pellet(**changes: Any) -> dict[str, Any]:
@@ -98,6 +99,98 @@ WRONG = {
     ),
     "unknown fixed": (pellet(fixed={"mu": 0.5}), "fixed", "mu", "rolling_resistance"),
     "unknown time step": (pellet(time_step="slow"), "time_step", "slow", "fast or paper"),
+    "objective and responses": (
+        pellet(objective={}, responses=[{"observable": "angle_deg"}]),
+        "objective",
+        "an objective as well",
+        "one of",
+    ),
+    "no responses": (pellet(responses=[]), "responses", "[]", "at least 1"),
+    "unknown observable": (
+        pellet(responses=[{"observable": "colour"}]),
+        "responses.observable",
+        "colour",
+        "mass_on_base_kg",
+    ),
+    "response without target": (
+        pellet(responses=[{"observable": "mass_on_base_kg"}]),
+        "responses.mass_on_base_kg.target",
+        None,
+        "required, in kg",
+    ),
+    "observable twice": (
+        pellet(responses=[{"observable": "angle_deg"}, {"observable": "angle_deg"}]),
+        "responses.observable",
+        "angle_deg",
+        "once",
+    ),
+    "tolerance under half the noise": (
+        pellet(responses=[{"observable": "angle_deg", "tolerance": 0.2}]),
+        "responses.angle_deg.tolerance",
+        0.2,
+        "half the noise between runs (0.5 deg, expected)",
+    ),
+    "window beside the target": (
+        pellet(responses=[{"observable": "angle_deg", "target": 25.0, "window": [26.0, 27.0]}]),
+        "responses.angle_deg.target",
+        25.0,
+        "inside the window 26 to 27",
+    ),
+    "unknown strategy": (pellet(strategy="luck"), "strategy", "luck", "sobol"),
+    "budget under the factorial's": (
+        pellet(strategy="factorial", budget=5),
+        "budget",
+        5,
+        "at least 16 for the strategy factorial with 4 variables",
+    ),
+    "derived from nothing": (
+        pellet(derived={"dynamic_friction_ratio": "0.9 * mu"}),
+        "derived.dynamic_friction_ratio",
+        "mu",
+        "a searched, fixed or derived parameter",
+    ),
+    "derived as code": (
+        pellet(derived={"dynamic_friction_ratio": "__import__('os')"}),
+        "derived.dynamic_friction_ratio",
+        "__import__('os')",
+        "",
+    ),
+    "derived in a circle": (
+        pellet(derived={"rolling_resistance": "rolling_resistance"}),
+        "derived",
+        "rolling_resistance -> rolling_resistance",
+        "do not depend on themselves",
+    ),
+    "coarse but finer": (pellet(scale=4.0, coarse={"scale": 2.0}), "coarse.scale", 2.0, "more than"),
+    "coarse beyond the rig": (
+        {"material": "coke", "coarse": {"scale": 7.0}},
+        "coarse.scale",
+        7.0,
+        "at most 6",
+    ),
+    "warm start from nowhere": (pellet(warm_start=[99]), "warm_start", 99, "a stored study"),
+    "warm start twice": (pellet(warm_start=[1, 1]), "warm_start", 1, "each study once"),
+    "a table for auto": (
+        pellet(table_csv=f"{PP},rolling_resistance\n0.5,0.2\n", fixed=FIXED),
+        "table",
+        "1 rows without results",
+        "strategy table",
+    ),
+    "a table and its text": (
+        pellet(table=[{"x": {PP: 0.5}}], table_csv=PP),
+        "table_csv",
+        "a table as well",
+        "one of",
+    ),
+    "a table without header": (pellet(table_csv=""), "table_csv", "nothing", "a header"),
+    "a table with a strange column": (pellet(table_csv="mu\n1\n"), "table_csv.header", "mu", "a parameter"),
+    "a table with words": (pellet(table_csv=f"{PP}\nmuch\n"), f"table_csv.2.{PP}", "much", "a finite number"),
+    "a table with a short line": (
+        pellet(table_csv=f"{PP},rolling_resistance\n0.5\n"),
+        "table_csv.2",
+        "1 cells",
+        "2 cells",
+    ),
     "a list": ([], "body", "[]", "an object"),
     "null": (None, "body", None, "required"),
 }

@@ -94,7 +94,7 @@ class History:
 
     Cancelled designs are left out by the caller; the order of the tuples carries no meaning.
     noise: by observable, what earlier replicates of the same test scatter.
-    failures_forgiven: failures up to this number were seen by a person, who went on.
+    accepted: failures up to this number were seen by a person, who went on.
     """
 
     finished: tuple[Design, ...] = ()
@@ -103,7 +103,7 @@ class History:
     coarse_pending: tuple[Pending, ...] = ()
     warm: tuple[WarmStudy, ...] = ()
     noise: Mapping[str, NoiseLevel] = field(default_factory=dict)
-    failures_forgiven: int = 0
+    accepted: int = 0
 
     def __post_init__(self) -> None:
         for name in ("finished", "pending", "coarse", "coarse_pending"):

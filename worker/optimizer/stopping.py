@@ -106,7 +106,7 @@ def recommended(outlook: Outlook) -> Recommendation:
 
 def too_many_failures(history: History) -> Stop | None:
     """More than half of at least five designs ended in error, of those after the last forgiven one."""
-    judged = [d for d in history.finished if d.number > history.failures_forgiven]
+    judged = [d for d in history.finished if d.number > history.accepted]
     finished, failed = len(judged), sum(d.results is None for d in judged)
     if finished < FAILURES_LOOKED_AT or 2 * failed <= finished:
         return None
