@@ -121,6 +121,13 @@ def status(study_id: int | None, only: str | None) -> None:
         study = client.study(study_id)
     counts = ", ".join(f"{count} {name}" for name, count in study["counters"].items())
     click.echo(f"study {study_id} ({study['material']}): {study['state']}; {counts}")
+    for response in study["spec"].get("responses", ()):
+        lower, upper = response["window"]
+        click.echo(f"  {response['observable']}: {response['target']:g} ({lower:g} to {upper:g})")
+    if study["spec"].get("strategy", "auto") != "auto":
+        click.echo(f"  strategy: {study['spec']['strategy']}")
+    if study["pause"] is not None:
+        click.echo(f"paused because: {study['pause']['text'] or study['pause']['reason']}")
     if study["stop"] is not None:
         click.echo(f"ended because: {study['stop']['text'] or study['stop']['reason']}")
     for name, value in ((study["recommendation"] or {}).get("x") or {}).items():

@@ -21,6 +21,7 @@ TASK_NAMES = {
     JobKind.PROPOSE: "talus.propose",
     JobKind.SIMULATE: "talus.simulate",
     JobKind.RECOMMEND: "talus.recommend",
+    JobKind.REPORT: "talus.report",
 }
 
 # A broker that does not answer within this long counts as away.

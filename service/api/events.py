@@ -39,7 +39,9 @@ def look_at(database: Database, study_id: int) -> Look:
                     StreamItem("progress", {"number": number, "attempt": job.attempt, **(job.progress or {})})
                     for number, job in running
                 ],
-                is_over=study is None or is_over(study.state),
+                # The report on a study that is over comes a little later, and is told too.
+                is_over=study is None
+                or (is_over(study.state) and not read_models.has_open_report(session, study_id)),
             )
 
     return look
@@ -72,8 +74,9 @@ async def follow_study(
 ) -> AsyncIterable[ServerSentEvent]:
     """Everything that happened since Last-Event-ID, then what happens next, until the study is over.
 
-    Events: study_created, design_proposed, design_started, design_returned, design_finished, study_stopping,
-    study_finished; between them `progress` (without an id) of the simulations that run.
+    Events: study_created, study_imported, study_paused, study_resumed, budget_extended, design_proposed,
+    design_started, design_returned, design_finished, study_stopping, study_finished, report_written; between
+    them `progress` (without an id) of the simulations that run.
     """
     look, after = stream
     async for item in follow(look, after):

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field
 
 from service.db.models import ArtifactRow, JobRow, RunRow, StudyRow
 from service.db.read_models import DesignView
+from service.domain.explanation import compare
 from service.domain.spec_record import upgraded
 from service.domain.states import DesignState, JobKind, JobState, StudyState, Verdict
 
@@ -76,6 +77,26 @@ class StudyAnswer(BaseModel):
         )
 
 
+class ReportAnswer(BaseModel):
+    """What is known of a study's parameters: identifiability, sensitivity, which test next, an ensemble."""
+
+    study_id: int
+    designs: int = Field(description="with results, when it was written")
+    is_current: bool = Field(description="no design has ended since")
+    code_version: str | None
+    created_at: datetime | None
+    report: dict[str, Any]
+
+
+class EnsembleAnswer(BaseModel):
+    """Sets of parameters that are all good: the optimum first, then others as different as can be."""
+
+    study_id: int
+    level: float | None = Field(description="least chance to be in the window, of the alternates")
+    text: str | None
+    members: list[dict[str, Any]] = Field(description="x by parameter, window_probability, predicted")
+
+
 class StudyList(BaseModel):
     """Studies, newest first."""
 
@@ -117,6 +138,38 @@ class ArtifactList(BaseModel):
         return cls(items=[ArtifactAnswer.of(row) for row in rows])
 
 
+class ComparisonAnswer(BaseModel):
+    """One response of a design: what was predicted before it ran, and what came out."""
+
+    observable: str = Field(examples=["angle_deg"])
+    unit: str = Field(examples=["deg"])
+    mean: float
+    sd: float = Field(description="of the predicted mean, inflated as the study's certificate is")
+    noise_sd: float | None = Field(description="between two runs of one design")
+    interval_90: tuple[float, float] = Field(description="holds one run's value with 90 %")
+    measured: float | None
+    z: float | None = Field(description="(measured - mean) / sqrt(sd^2 + noise_sd^2)")
+    inside_90: bool | None
+
+
+class WhyAnswer(BaseModel):
+    """Why this point?"""
+
+    reason: str
+    compared: list[ComparisonAnswer] = Field(description="empty where nothing was predicted")
+    basis: int | None = Field(description="the proposal saw the results of designs up to this number")
+
+    @classmethod
+    def of(cls, view: DesignView) -> Self:
+        row, fit = view.design, view.surrogate
+        found = compare(row.prediction, fit.hyperparameters if fit else None, row.responses)
+        return cls(
+            reason=row.reason,
+            compared=[ComparisonAnswer.model_validate(one, from_attributes=True) for one in found],
+            basis=view.proposal.basis if view.proposal else None,
+        )
+
+
 class DesignAnswer(BaseModel):
     """One simulated parameter set: why it was proposed, what was predicted, what came out."""
 
@@ -130,6 +183,7 @@ class DesignAnswer(BaseModel):
     seed: int
     origin: str = Field(examples=["doe", "model", "replicate"])
     reason: str
+    why: WhyAnswer
     prediction: dict[str, Any] | None
     acquisition: float | None
     training_hash: str | None
@@ -137,7 +191,9 @@ class DesignAnswer(BaseModel):
     angle_deg: float | None
     angle_sd_deg: float | None = Field(description="standard error over the sectors of this one pile")
     literal_angle_deg: float | None = Field(description="the paper's literal reading of the same pile")
+    responses: dict[str, float] | None = Field(description="what was measured, by observable")
     results: dict[str, Any] | None
+    supersedes: int | None = Field(description="the number of the error that this design repeats")
     failure_class: str | None
     failure_text: str | None
     job_id: str | None
@@ -161,6 +217,7 @@ class DesignAnswer(BaseModel):
             seed=row.seed,
             origin=row.origin,
             reason=row.reason,
+            why=WhyAnswer.of(view),
             prediction=row.prediction,
             acquisition=row.acquisition,
             training_hash=view.proposal.training_hash if view.proposal else None,
@@ -168,7 +225,9 @@ class DesignAnswer(BaseModel):
             angle_deg=row.angle_deg,
             angle_sd_deg=row.angle_sd_deg,
             literal_angle_deg=row.literal_angle_deg,
+            responses=row.responses,
             results=row.results,
+            supersedes=row.supersedes,
             failure_class=row.failure_class,
             failure_text=row.failure_text,
             job_id=view.job.id if view.job else None,

@@ -53,6 +53,7 @@ def run_demo(settings: Settings, options: DemoOptions, console: Console) -> int:
             with console.status("waiting for the workers: after a change of the code they first compile it"):
                 service.wait_for("dispatcher", "workers")
             follow(client, study, console)
+            give_up_if_paused(client, study["id"], console)
         except KeyboardInterrupt:
             client.cancel_study(study["id"])
             console.print("The study is cancelled.")
@@ -72,8 +73,19 @@ def run_demo(settings: Settings, options: DemoOptions, console: Console) -> int:
     return 0 if study["state"] in ("completed", "cancelled") else 1
 
 
+def give_up_if_paused(client: Client, study_id: int, console: Console) -> None:
+    """Nobody sits by the demo to look at failures and resume: the study ends with what it has measured."""
+    study = client.study(study_id)
+    if study["state"] != "paused":
+        return
+    console.print(f"Paused: {study['pause']['text']}", highlight=False, soft_wrap=True)
+    client.cancel_study(study_id)
+    for _event in client.events(study_id):
+        pass
+
+
 def follow(client: Client, study: Mapping[str, Any], console: Console) -> None:
-    """Shows the study until it is over: a live table in a terminal, a line per finished design elsewhere."""
+    """Shows the study until it is over or paused: a live table in a terminal, elsewhere a line per design."""
     view = StudyView.of(study, time.monotonic())
     spec = study["spec"]
     lower, upper = spec["responses"][0]["window"]
@@ -87,10 +99,14 @@ def follow(client: Client, study: Mapping[str, Any], console: Console) -> None:
             line = view.fold(event)
             if line is not None and line.is_over and event.kind != "progress":
                 console.print(plain_line(view, line, time.monotonic()), highlight=False, soft_wrap=True)
+            if view.state == "paused":
+                return
         return
     with Live(LiveTable(view, title), console=console, refresh_per_second=2, vertical_overflow="crop"):
         for event in client.events(study["id"]):
             view.fold(event)
+            if view.state == "paused":
+                return
 
 
 def summarise(study: Mapping[str, Any], minutes: float) -> dict[str, Any]:

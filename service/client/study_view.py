@@ -72,6 +72,7 @@ class StudyView:
         if "number" in data:
             return self._fold_design(event)
         self.state = str(data.get("state", self.state))
+        self.budget = int(data.get("budget", self.budget))
         self.stop_reason = data.get("stop_reason") or self.stop_reason
         self.stop_text = data.get("stop_text") or self.stop_text
         return None

@@ -15,8 +15,9 @@ from service.db import dashboard_reads, read_models
 from service.db.dashboard_reads import OpenJob
 from service.db.models import ArtifactRow, DesignRow, RunRow, StudyRow
 from service.db.read_models import DesignView
+from service.domain.explanation import Comparison, compare
 from service.domain.spec_record import primary_response
-from service.domain.states import is_over
+from service.domain.states import StudyState, is_over
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,16 @@ class DesignPage:
         return {name: value for name, value in known.items() if name not in self.design.x}
 
     @property
-    def surprise(self) -> float | None:
-        """The outcome's distance from the prediction, in predicted standard deviations."""
-        told = self.design.prediction or {}
-        mean, sd = told.get("mean_deg"), told.get("sd_deg")
-        if self.design.angle_deg is None or mean is None or not sd:
-            return None
-        return float((self.design.angle_deg - mean) / sd)
+    def compared(self) -> Sequence[Comparison]:
+        """What was predicted of each response, and what came out."""
+        fit = self.view.surrogate
+        return compare(
+            self.design.prediction, fit.hyperparameters if fit is not None else None, self.design.responses
+        )
+
+    @property
+    def can_be_run_again(self) -> bool:
+        return self.is_over and self.study.state in (StudyState.RUNNING, StudyState.PAUSED)
 
     @property
     def charts(self) -> dict[str, Any]:

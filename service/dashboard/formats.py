@@ -8,7 +8,8 @@ from datetime import UTC, datetime
 
 from markupsafe import Markup, escape
 
-from service.domain.spec_record import primary_response
+from service.domain.observables import OBSERVABLES
+from service.domain.spec_record import primary_response, upgraded
 
 NOTHING = "–"
 THIN = "\u202f"  # narrow no-break space: between a number and its unit, and between thousands
@@ -33,15 +34,31 @@ def degrees_within(value: float | None, spread: float | None, digits: int | None
     return f"{value:.{digits}f}°{FIXED}±{FIXED}{spread:.{digits}f}°"
 
 
+def with_unit(value: float, unit: str, spread: float | None = None) -> str:
+    """25.43° ± 0.21° or 12.3 kg ± 0.4 kg: a response in its own unit."""
+    if unit == "deg":
+        return degrees(value) if spread is None else degrees_within(value, spread)
+    text = f"{value:.3g}{THIN}{unit}"
+    return text if spread is None else f"{text}{FIXED}±{FIXED}{spread:.2g}{THIN}{unit}"
+
+
+def in_unit_of(value: float, observable: str) -> str:
+    """As many digits as were asked for, in the observable's unit."""
+    unit = OBSERVABLES[observable].unit if observable in OBSERVABLES else ""
+    return plain_degrees(value) if unit == "deg" else f"{value:g}{THIN}{unit}"
+
+
 def plain_degrees(value: float) -> str:
     """As many digits as were asked for: 25.5°, 26°"""
     return f"{value:g}°"
 
 
 def parameter(value: float | None) -> str:
-    """0.35; two digits as the search space has them, three where the value needs them."""
+    """0.35; two digits as the search space has them, three where the value needs them; 1e+07 of a modulus."""
     if value is None:
         return NOTHING
+    if abs(value) >= 1000.0:
+        return f"{value:.3g}"
     return f"{value:.2f}" if abs(value * 100 - round(value * 100)) < 1e-6 else f"{value:.3f}"
 
 
@@ -142,6 +159,9 @@ FILTERS = {
     "degrees_within": degrees_within,
     "plain_degrees": plain_degrees,
     "primary_response": primary_response,
+    "with_unit": with_unit,
+    "in_unit_of": in_unit_of,
+    "upgraded": upgraded,
     "parameter": parameter,
     "percent": percent,
     "chance": chance,

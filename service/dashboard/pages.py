@@ -25,7 +25,7 @@ router = APIRouter(include_in_schema=False, route_class=PageRoute)
 LARGEST_ID = 2**63 - 1
 
 OVERVIEW_PARTS = ("studies", "jobs", "health")
-STUDY_PARTS = ("headline", "used", "now", "best", "assumptions", "problems")
+STUDY_PARTS = ("headline", "used", "now", "best", "known", "controls", "assumptions", "problems")
 DESIGN_PARTS = ("design_outcome", "design_pile", "design_numbers", "jobs")
 
 Before = Annotated[int | None, Query(ge=1, le=LARGEST_ID)]
@@ -96,7 +96,7 @@ def study_parts(request: Request, study_id: str, after: After = 0) -> Response:
     }
     return parts_answer(
         shown.snapshot.cursor,
-        shown.is_over,
+        shown.is_settled,
         draw_parts(STUDY_PARTS, **context),
         rows=rows,
         chosen=sorted(shown.chosen),

@@ -56,6 +56,8 @@ def environment() -> Environment:
         plotly_style_ids=assets.plotly_style_ids,
         parameter_name=words.parameter_name,
         parameter_meaning=words.parameter_meaning,
+        observable_name=words.observable_name,
+        strategy_meaning=words.strategy_meaning,
         word=words.look_up,
         words=words,
     )

@@ -13,10 +13,10 @@ from service.dashboard.gauge import Gauge, draw_gauge
 from service.dashboard.words import Word
 from service.db import dashboard_reads, read_models
 from service.db.dashboard_reads import Health, StudySnapshot
-from service.db.models import ArtifactRow, DesignRow, StudyRow
+from service.db.models import ArtifactRow, DesignRow, ReportRow, StudyRow
 from service.db.read_models import DesignView
 from service.domain.spec_record import primary_response
-from service.domain.states import StudyState, Verdict, is_over
+from service.domain.states import JobKind, StudyState, Verdict, is_over
 
 # The certificate's demand on the window (worker/optimizer/acquisition.py, calibration.md decision 5).
 WINDOW_PROBABILITY = 0.99
@@ -58,6 +58,38 @@ class StudyPage:
     headline: Headline
     shown: DesignView | None
     health: Health
+    known: ReportRow | None = None
+
+    @property
+    def is_settled(self) -> bool:
+        """Nothing on the page changes any more: the study is over, and so is its report."""
+        return self.is_over and not self.report_is_open
+
+    @property
+    def can_be_changed(self) -> bool:
+        return self.study.state in (StudyState.RUNNING, StudyState.PAUSED)
+
+    @property
+    def report(self) -> Mapping[str, Any] | None:
+        return None if self.known is None else self.known.content
+
+    @property
+    def report_is_open(self) -> bool:
+        return any(job.job.kind is JobKind.REPORT for job in self.snapshot.jobs)
+
+    @property
+    def report_is_current(self) -> bool:
+        if self.known is None:
+            return False
+        return all((row.ended_at or 0.0) <= self.known.created_at for row in self.snapshot.designs)
+
+    @property
+    def report_sentences(self) -> list[str]:
+        """What a table does not hold: combinations that are fixed where their members are not, the next test."""
+        report = self.report or {}
+        combined = [text for text in report["posterior"]["text"] if text.startswith("Identified only")]
+        tests = [f"Test next: {test['text']}" for test in report.get("which_test_next", ())[:2]]
+        return [*combined, *tests]
 
     @property
     def study(self) -> StudyRow:
@@ -134,7 +166,8 @@ def read_study_page(session: Session, study_id: int) -> StudyPage | None:
     headline = headline_of(snapshot.study, snapshot.designs)
     shown = next((row.id for row in snapshot.designs if row.number in headline.numbers and row.verdict), None)
     view = read_models.open_design(session, shown) if shown is not None else None
-    return StudyPage(snapshot, headline, view, dashboard_reads.health(session))
+    known = read_models.newest_report(session, study_id)
+    return StudyPage(snapshot, headline, view, dashboard_reads.health(session), known)
 
 
 def picture_of(view: DesignView | None) -> ArtifactRow | None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from service.domain.observables import OBSERVABLES
 from service.domain.search_space import PARAMETERS
+from service.domain.strategy import STRATEGIES
 
 
 @dataclass(frozen=True)
@@ -94,11 +96,30 @@ PAUSES: Mapping[str, Word] = {
     "too_many_failures": Word("Paused", "Too many simulations ended in error."),
 }
 
+# How far the responses fix a parameter: its posterior sd over the prior's (calibration.md, decision 8).
+IDENTIFIED: Mapping[str, Word] = {
+    "identified": Word("identified", "The measured responses fix it: under 35 % of its spread is left."),
+    "weak": Word("weakly identified", "The measured responses narrow it: 35 to 80 % of its spread is left."),
+    "not identified": Word(
+        "not identified", "The measured responses say nothing of it: any value in its range does as well."
+    ),
+}
+IDENTIFIED_TONES: Mapping[str, str] = {"identified": "good", "weak": "doubt", "not identified": "bad"}
+
 UNKNOWN = "Not explained yet."
 
 
 def parameter_name(name: str) -> str:
     return PARAMETER_NAMES.get(name, name.replace("_", " "))
+
+
+def observable_name(name: str) -> str:
+    """What a response is, without its unit."""
+    return OBSERVABLES[name].meaning if name in OBSERVABLES else name.replace("_", " ")
+
+
+def strategy_meaning(name: str) -> str:
+    return STRATEGIES.get(name, name)
 
 
 def parameter_meaning(name: str) -> str:

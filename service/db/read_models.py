@@ -26,7 +26,7 @@ from service.db.models import (
     SurrogateRow,
 )
 from service.domain.spec_record import primary_response
-from service.domain.states import JobState
+from service.domain.states import OPEN_JOBS, JobKind, JobState
 
 
 @dataclass(frozen=True)
@@ -152,6 +152,20 @@ def newest_report(session: Session, study_id: int) -> ReportRow | None:
     """What was last reported of a study, None before any."""
     statement = select(ReportRow).where(ReportRow.study_id == study_id).order_by(ReportRow.id.desc()).limit(1)
     return session.scalars(statement).one_or_none()
+
+
+def has_ended_since(session: Session, study_id: int, when: float) -> bool:
+    """A design of the study ended after `when`."""
+    later = select(DesignRow.id).where(DesignRow.study_id == study_id, DesignRow.ended_at > when)
+    return session.scalars(later.limit(1)).one_or_none() is not None
+
+
+def has_open_report(session: Session, study_id: int) -> bool:
+    """A report on the study is asked for or being written."""
+    statement = select(JobRow.id).where(
+        JobRow.study_id == study_id, JobRow.kind == JobKind.REPORT, JobRow.state.in_(OPEN_JOBS)
+    )
+    return session.scalars(statement.limit(1)).one_or_none() is not None
 
 
 def seen_lately(session: Session, role: str, seconds: float) -> Sequence[ProcessRow]:

@@ -8,7 +8,7 @@ from service.db import queries
 from service.db.models import DesignRow, StudyRow
 from service.db.queries import Lease
 from service.domain.outcome import Failure, RunCost
-from service.domain.states import DesignState, JobState, StudyState, Verdict, require_change
+from service.domain.states import DesignState, JobKind, JobState, StudyState, Verdict, require_change
 from service.studies.advance_study import advance_study
 from service.studies.close_run import close_run
 from service.studies.finish_job import FinishedJob, finish_job
@@ -33,7 +33,7 @@ def settle_failure(
     if ended.design is not None:
         _fail_design(session, ended.study, ended.design, failure)
         advance_study(session, ended.study)
-    else:
+    elif ended.job.kind is not JobKind.REPORT:  # a report that fails is missing, no more
         fail_study(session, ended.study, f"the {ended.job.kind.value} job failed: {failure.text}")
 
 

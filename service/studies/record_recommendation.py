@@ -13,6 +13,7 @@ from service.domain.states import JobState, is_over
 from service.studies.advance_study import end_study
 from service.studies.close_run import close_run
 from service.studies.finish_job import finish_job
+from service.studies.request_report import request_report
 
 
 def record_recommendation(
@@ -26,4 +27,6 @@ def record_recommendation(
     if not is_over(ended.study.state):
         ended.study.recommendation = dict(recommendation) if recommendation is not None else None
         end_study(session, ended.study)
+        if recommendation is not None:
+            request_report(session, ended.study.id)
     return True

@@ -19,7 +19,7 @@ from service.settings import Settings
 from service.studies.record_failure import record_failure
 from service.studies.record_measurement import record_measurement
 from service.studies.record_recommendation import record_recommendation
-from tests.builders.studies import a_proposal, a_study, claimed, open_jobs, propose_next
+from tests.builders.studies import a_proposal, a_study, claimed, open_jobs, propose_next, write_report
 
 SCRIPT = "<script>alert(1)</script>"
 RINGS = 30
@@ -193,6 +193,8 @@ def finish(database: Database, study_id: int, recommendation: dict[str, Any] | N
     (job_id,) = open_jobs(database, study_id, JobKind.RECOMMEND)
     with database.writing() as session:
         assert record_recommendation(session, claimed(database, job_id).lease, recommendation)
+    if recommendation is not None:
+        write_report(database, study_id)
 
 
 def a_study_without_piles(database: Database) -> int:

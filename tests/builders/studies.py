@@ -22,6 +22,7 @@ from service.studies.record_failure import record_failure
 from service.studies.record_measurement import record_measurement
 from service.studies.record_proposal import record_proposal
 from service.studies.record_recommendation import record_recommendation
+from service.studies.record_report import record_report
 
 LEASE_S = 10.0
 
@@ -108,6 +109,53 @@ def simulate(database: Database, job_id: str, angle_deg: float | None, cost: Run
             assert record_measurement(session, lease, a_measurement(angle_deg), cost)
 
 
+A_REPORT: dict[str, Any] = {
+    "version": 1,
+    "enough": True,
+    "designs": {"finished": 3, "failed": 1, "with_results": 2},
+    "posterior": {
+        "parameters": [
+            {
+                "name": name,
+                "mean": 0.4,
+                "sd": 0.1,
+                "lower_90": 0.2,
+                "upper_90": 0.6,
+                "sd_ratio": ratio,
+                "label": label,
+            }
+            for name, ratio, label in (
+                ("rolling_resistance", 0.2, "identified"),
+                ("particle_particle_static_friction", 0.6, "weak"),
+                ("particle_wall_static_friction", 0.98, "not identified"),
+            )
+        ],
+        "text": [
+            "rolling_resistance is identified.",
+            "Identified only as a combination: friction + rolling.",
+        ],
+    },
+    "which_test_next": [{"text": "Mass on the base: the spread of friction is expected to shrink to 40 %."}],
+    "ensemble": {
+        "members": [
+            {"x": {"rolling_resistance": n / 10}, "window_probability": 0.9, "weight": 0.25} for n in range(4)
+        ],
+        "level": 0.5,
+        "text": "as far apart as can be",
+    },
+}
+
+
+def write_report(database: Database, study_id: int, content: dict[str, Any] | None = None) -> None:
+    """Do the study's report job as a worker would."""
+    (job_id,) = open_jobs(database, study_id, JobKind.REPORT)
+    claim = claimed(database, job_id)
+    assert claim.history is not None
+    finished = len(claim.history.finished)
+    with database.writing() as session:
+        assert record_report(session, claim.lease, finished, content or A_REPORT, RunCost("0123456789abcdef"))
+
+
 def a_finished_study(database: Database, **changes: Any) -> int:
     """A certified study of four designs: in the window, outside it, an error, cancelled."""
     study_id = a_study(database, **{"parallel": 4, **changes})
@@ -127,6 +175,7 @@ def a_finished_study(database: Database, **changes: Any) -> int:
     lease = claimed(database, last).lease
     with database.writing() as session:
         assert record_recommendation(session, lease, {"x": {"rolling_resistance": 0.2}, "mean_deg": 25.4})
+    write_report(database, study_id)
     return study_id
 
 

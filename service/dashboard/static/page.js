@@ -3,10 +3,12 @@
 import { drawCharts, startCharts } from "./charts.js";
 import { localise } from "./clock.js";
 import { showConnection } from "./connection.js";
+import { listenToControls } from "./controls.js";
 import { applyParts, applyProgress } from "./parts.js";
 
 const EVENTS = [
-  "study_created", "study_stopping", "study_finished",
+  "study_created", "study_paused", "study_resumed", "budget_extended", "study_stopping", "study_finished",
+  "report_written",
   "design_proposed", "design_started", "design_returned", "design_finished",
 ];
 const GATHER_MS = 120; // events come in bursts: one question for all of them
@@ -126,6 +128,7 @@ function poll(seconds) {
 
 localise();
 startCharts();
+listenToControls(soon);
 if (isOver) {
   showConnection("over");
 } else if (settings.events) {

@@ -16,7 +16,7 @@ from service.db.session import Database
 from service.settings import Settings
 from service.studies.cancel_study import cancel_study
 from tests.builders import piles
-from tests.builders.studies import a_study, add_finished_designs, designs
+from tests.builders.studies import a_study, add_finished_designs, designs, write_report
 
 Course = Callable[[Database], int]
 
@@ -280,3 +280,39 @@ def test_sources_name_no_outside_address() -> None:
         ] == []
         assert "url(" not in text and "@import" not in text, path
         assert text.count("\n") <= 400, path
+
+
+def test_a_study_page_says_what_is_identified_in_words(client: TestClient, sqlite_database: Database) -> None:
+    study_id = piles.a_finished_study(sqlite_database, certified=True)
+    text = client.get(f"/studies/{study_id}").text
+    for words in (
+        "not identified",
+        "any value in its range does as well",
+        "Identified only as a combination",
+        "Test next: Mass on the base",
+    ):
+        assert words in text, words
+    assert "Report on what is known now" not in text, "nothing has changed since"
+    assert "/pause" not in text
+
+
+def test_a_running_study_has_its_controls_and_a_report_on_demand(
+    client: TestClient, sqlite_database: Database
+) -> None:
+    study_id = piles.a_searching_study(sqlite_database)
+    text = client.get(f"/studies/{study_id}").text
+    for path in ("pause", "cancel", "budget", "designs", "report"):
+        assert f'data-post="/v1/studies/{study_id}/{path}"' in text
+    client.post(f"/v1/studies/{study_id}/report")
+    assert "disabled" in client.get(f"/studies/{study_id}").text
+    write_report(sqlite_database, study_id, {"enough": False, "text": "At least three designs are needed."})
+    assert "At least three designs are needed." in client.get(f"/studies/{study_id}").text
+    client.post(f"/v1/studies/{study_id}/pause")
+    assert f'data-post="/v1/studies/{study_id}/resume"' in client.get(f"/studies/{study_id}").text
+
+
+def test_a_design_page_says_whether_it_was_a_surprise(client: TestClient, sqlite_database: Database) -> None:
+    study_id = piles.a_searching_study(sqlite_database)
+    piles.finish_running(sqlite_database, study_id, 25.4)
+    pages = [client.get(f"/designs/{design.id}").text for design in designs(sqlite_database, study_id)]
+    assert any("the 90 % interval" in page for page in pages)
