@@ -51,6 +51,8 @@ class Numerics:
     limit_force         Hertz-Mindlin: the damped normal force never pulls
     rolling             rolling resistance on or off
     time_step           preset of the time step: `fast` (loading limit) or `paper` (unloading limit too)
+    may_squeeze         share of the particles that may be pressed through a wall, or past a neighbour's surface,
+                        before the run counts as blown up: walls and grains are as soft as `youngs_modulus` says
     """
 
     residual: float = 0.001
@@ -61,8 +63,10 @@ class Numerics:
     limit_force: bool = False
     rolling: bool = True
     time_step: str = "fast"
+    may_squeeze: float = 0.0
 
     def __post_init__(self) -> None:
+        within("numerics.may_squeeze", self.may_squeeze, 0.0, 0.1)
         within("numerics.residual", self.residual, 0.0, 0.1)
         if self.long_term_damping is not None:
             within("numerics.long_term_damping", self.long_term_damping, 0.0, 2.0)

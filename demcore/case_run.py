@@ -155,6 +155,7 @@ class CaseRun:
             threaded=threaded,
             skin=SKIN * case.smallest_radius,
             wall_names=tuple(wall.name for wall in case.walls),
+            may_squeeze=case.numerics.may_squeeze,
         )
         self.feeders = [
             Feeder(feed, case.grains, case.rows, case.duration, (case.seed, FEEDS, k))

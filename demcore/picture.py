@@ -39,9 +39,7 @@ Floats = NDArray[np.float64]
 
 def draw_pile(position: Floats, radius: Floats, base_radius: float, path: Path) -> None:
     """Write a PNG of spheres on a round base at z = 0, coloured by height; (N, 3) m, (N,) m; whole or not."""
-    aside = path.with_name(path.name + ".part")
-    Image.fromarray(render_spheres(position, radius, base_radius)).save(aside, format="PNG", optimize=True)
-    os.replace(aside, path)
+    save_png(Image.fromarray(render_spheres(position, radius, base_radius)), path)
 
 
 def render_spheres(position: Floats, radius: Floats, base_radius: float) -> NDArray[np.uint8]:
@@ -60,13 +58,25 @@ def render_spheres(position: Floats, radius: Floats, base_radius: float) -> NDAr
 
     _draw_base(colour, depth, base_radius * pixels_per_m, up)
     top = float((position[:, 2] + radius).max(initial=1e-9))
-    share = np.clip(position[:, 2] / top, 0.0, 1.0)
-    stops = np.linspace(0.0, 1.0, len(VIRIDIS))
-    palette = np.column_stack([np.interp(share, stops, VIRIDIS[:, c]) for c in range(3)])
+    palette = shades(position[:, 2] / top)
     light = LIGHT / np.sqrt((LIGHT**2).sum())
     for x, y, near, r, paint in zip(*project(position), radius * pixels_per_m, palette, strict=True):
-        _draw_sphere(colour, depth, (float(x), float(y), float(near)), float(r), paint, light)
+        draw_sphere(colour, depth, (float(x), float(y), float(near)), float(r), paint, light)
     return np.clip(colour, 0, 255).astype(np.uint8)
+
+
+def shades(share: Floats) -> Floats:
+    """(N, 3) colours for shares (N,) of the scale, 0 to 1."""
+    stops = np.linspace(0.0, 1.0, len(VIRIDIS))
+    clipped = np.clip(share, 0.0, 1.0)
+    return np.column_stack([np.interp(clipped, stops, VIRIDIS[:, c]) for c in range(3)])
+
+
+def save_png(picture: Image.Image, path: Path) -> None:
+    """Write a PNG, whole or not at all."""
+    aside = path.with_name(path.name + ".part")
+    picture.save(aside, format="PNG", optimize=True)
+    os.replace(aside, path)
 
 
 def _draw_base(colour: Floats, depth: Floats, radius: float, up: float) -> None:
@@ -79,12 +89,13 @@ def _draw_base(colour: Floats, depth: Floats, radius: float, up: float) -> None:
     depth[on] = -away[on] * np.cos(up)
 
 
-def _draw_sphere(
+def draw_sphere(
     colour: Floats, depth: Floats, centre: tuple[float, float, float], r: float, paint: Floats, light: Floats
 ) -> None:
+    """Shade a sphere into a picture (H, W, 3) with its depth buffer (H, W); all in pixels."""
     x, y, near = centre
-    x0, x1 = max(0, int(x - r)), min(WIDTH, int(x + r) + 2)
-    y0, y1 = max(0, int(y - r)), min(HEIGHT, int(y + r) + 2)
+    x0, x1 = max(0, int(x - r)), min(depth.shape[1], int(x + r) + 2)
+    y0, y1 = max(0, int(y - r)), min(depth.shape[0], int(y + r) + 2)
     if x0 >= x1 or y0 >= y1:
         return
     v, u = np.mgrid[y0:y1, x0:x1]

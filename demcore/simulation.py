@@ -28,7 +28,14 @@ from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs
 from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z, join
 from demcore.region import Box
 from demcore.wall_list import WallList, empty_wall_list
-from demcore.wall_search import find_crossing, find_inside, find_racing_wall, list_walls, wall_label
+from demcore.wall_search import (
+    find_crossing,
+    find_inside,
+    find_racing_wall,
+    forgive_crossings,
+    list_walls,
+    wall_label,
+)
 from demcore.wrench import material_tables
 
 GRAVITY = (0.0, 0.0, -9.81)
@@ -39,15 +46,20 @@ SKIN = 0.5
 LARGEST_OVERLAP = 1.0
 # Nor for a particle that goes farther than this share of its radius in one step: it would jump over contacts.
 LARGEST_WAY = 0.5
+# Where particles may be squeezed at all, so many may: a share means nothing among the first that come.
+FEW_SQUEEZED = 10
 
-STORED_NUMBERS = ("step", "searches", "particle_steps", "stale", "next_number")
+STORED_NUMBERS = ("step", "searches", "particle_steps", "stale", "next_number", "squeezed")
 
 
 @dataclass
 class Simulation:
     """A bed of particles between walls. `dt` s. Particles outside the `domain`, below `floor` (z, m) or beyond
     `reach` (|x|, |y|) leave, and are logged in `left` by the search that noticed. `skin` (m) 0: of the smallest
-    particle there is; say it when smaller ones come later. Particles keep their numbers for life."""
+    particle there is; say it when smaller ones come later. Particles keep their numbers for life.
+
+    `may_squeeze`: of all particles that ever came, the share that soft contacts may press through a wall (counted
+    in `squeezed`), or at a check past a neighbour's surface, before that is a BlowUp."""
 
     particles: Particles
     walls: Walls
@@ -67,6 +79,8 @@ class Simulation:
     near_walls: WallList = field(default_factory=empty_wall_list)
     wall_names: tuple[str, ...] = ()
     stale: bool = True
+    may_squeeze: float = 0.0
+    squeezed: int = 0
     left: DepartureLog = field(default_factory=DepartureLog)
 
     def __post_init__(self) -> None:
@@ -155,9 +169,15 @@ class Simulation:
 
     def _check_crossing(self) -> None:
         crossing = find_crossing(self.near_walls, self.particles)
-        if crossing is not None:
+        if crossing is None:
+            return
+        self.squeezed += forgive_crossings(self.near_walls)
+        if self.squeezed > self._allowed_squeezes():
             wall = wall_label(self.wall_names, crossing.wall)
             raise BlowUp(f"went through {wall}", crossing.particle, self.time)
+
+    def _allowed_squeezes(self) -> float:
+        return max(self.may_squeeze * self.next_number, FEW_SQUEEZED) if self.may_squeeze else 0.0
 
     def _check_walls(self) -> None:
         """Raises BlowUp for a wall that appears in a particle, and for one too fast to be met."""
@@ -203,7 +223,7 @@ class Simulation:
         a, b = state[owner, R], state[partner, R]
         share = (a + b - np.sqrt((between**2).sum(axis=1))) / np.minimum(a, b)
         worst = float(share.max(initial=0.0))
-        if worst > LARGEST_OVERLAP:
+        if np.count_nonzero(share > LARGEST_OVERLAP) > self._allowed_squeezes():
             k = int(share.argmax())
             what = f"overlaps its neighbour by {worst:.0%} of the radius"
             raise BlowUp(what, self._name(int(owner[k])), self.time)

@@ -153,6 +153,14 @@ def find_crossing(near: WallList, particles: Particles) -> Found | None:
     return Found(int(particles.number[near.owner[p]]), int(near.crossed[p]))
 
 
+def forgive_crossings(near: WallList) -> int:
+    """Let those that went through a wall go on behind it; how many they were."""
+    crossed = near.crossed >= 0
+    near.crossed[crossed] = -1
+    near.alarm[0] = False
+    return int(np.count_nonzero(crossed))
+
+
 def find_inside(near: WallList, particles: Particles, walls: Walls, step: int, dt: float) -> Found | None:
     """The first particle that a wall which appears at this step stands in, and the wall."""
     k = first_inside(near, particles.state, walls, step, dt)

@@ -11,6 +11,7 @@ from demcore.case import Interaction
 from demcore.errors import BlowUp
 from demcore.geometry.mesh import TriangleMesh
 from demcore.geometry.walls import Wall
+from demcore.simulation import FEW_SQUEEZED
 from tests.demcore.wall_builders import (
     RADIUS,
     G,
@@ -253,3 +254,21 @@ def test_a_wobbling_ball_in_a_funnel_has_gone_through_nothing():
         s.advance(int(0.5 / s.dt))
         assert 0.0 < s.particles.state[0, 2] < 0.1
         assert abs(s.particles.state[0, 6]) < 0.1
+
+
+def test_where_some_may_be_squeezed_through_a_wall_the_run_goes_on_and_counts_them():
+    s = single([Wall("disc", radius=0.5, name="sieve")], (0.004, 0.003, 1.2 * RADIUS), (9.0, 0.0, -45.0))
+    s.may_squeeze = 0.01
+    s.advance(100)
+    assert s.squeezed == 1
+    assert s.particles.state[0, 2] < 0.0
+
+
+def test_of_many_only_so_many_may():
+    """FEW_SQUEEZED may in any case; a share of .01 of 2000 would be 20."""
+    wall = Wall("disc", radius=0.5, name="sieve")
+    for ever, allowed in ((1, FEW_SQUEEZED), (2000, 20)):
+        s = single([wall], (0.004, 0.003, 1.2 * RADIUS), (9.0, 0.0, -45.0))
+        s.may_squeeze, s.next_number, s.squeezed = 0.01, ever, allowed
+        with pytest.raises(BlowUp, match="went through"):
+            s.advance(100)

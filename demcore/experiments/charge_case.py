@@ -1,0 +1,235 @@
+"""What a charge is asked to do: materials, plant, rate, scale, seed; validated whole. Importable without numba.
+
+The feed onto the belt's tail is the charge: its mass is rate times duration. What the paper leaves open is a named
+choice: the plant's own dimensions (data/plant.toml), and what happens to grains that a coarse scale makes larger
+than a third of the narrowest passage (`largest_share`).
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib.resources import files
+from typing import Any
+
+from demcore.allowed import choice, natural, not_negative, positive, within
+from demcore.case import Case, Numerics
+from demcore.charge import Feed
+from demcore.errors import InputError
+from demcore.experiments.pile_case import STEEL, ContactParameters, interactions
+from demcore.interaction import Interactions, Stiffness, Surface
+from demcore.material import Material, MixPart, check_mix, cut_off, load_material
+from demcore.plant.checks import check_mass, check_plant, feed_inlet
+from demcore.plant.parts import Plant
+from demcore.plant.surfaces import plant_walls
+from demcore.region import Box
+from demcore.sampling import bulk_density
+from demcore.time_step import PRESETS
+
+# Seconds that the feed may lag behind its rate before the charge counts as one that the inlet cannot pass.
+LONGEST_LAG = 20.0
+# Grains that fell outside the hopper are forgotten so far below its seat, m; and so far around the plant.
+BELOW, AROUND = 0.5, 1.0
+# With the paper's soft 1e7 Pa a grain of 10 mm between steel and one of 80 mm that falls 2.5 m is squeezed through
+# the sheet: its spring can store a tenth of the energy, at any scale. One in a hundred may.
+MAY_SQUEEZE = 0.01
+KG_S_PER_T_H = 1000.0 / 3600.0
+
+
+@dataclass(frozen=True)
+class Charge:
+    """A batch as the plant orders it: `rate` kg/s for `duration` s of a mix, with the contact numbers of each of
+    its materials."""
+
+    name: str
+    mix: tuple[MixPart, ...]
+    materials: tuple[Material, ...]
+    parameters: tuple[ContactParameters, ...]
+    rate: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        check_mix("charge.mix", self.mix)
+        positive("charge.rate", self.rate, "kg/s")
+        positive("charge.duration", self.duration, "s")
+        names = [m.name for m in self.materials]
+        if names != [part.material for part in self.mix] or len(self.parameters) != len(names):
+            raise InputError("charge.materials", names, "the mix's parts, each with its contact numbers")
+
+    @property
+    def mass(self) -> float:
+        """kg."""
+        return self.rate * self.duration
+
+    @property
+    def bulk_density(self) -> float:
+        """Of the loose mix, kg/m3."""
+        return bulk_density(self.mix, self.materials)
+
+
+@dataclass(frozen=True)
+class ChargeTest:
+    """One virtual charge. `scale` multiplies the sizes; `largest_share` of the narrowest passage is the largest
+    grain that is simulated, what is coarser joins the class below; `rest_seconds` after the last grain came."""
+
+    charge: Charge
+    plant: Plant
+    scale: float = 4.0
+    seed: int = 1
+    rest_seconds: float = 10.0
+    largest_share: float = 1.0 / 3.0
+    time_step: str = "fast"
+    numerics: Numerics = field(default_factory=lambda: Numerics(may_squeeze=MAY_SQUEEZE))
+
+    def __post_init__(self) -> None:
+        within("scale", self.scale, 0.1, 20.0)
+        within("largest_share", self.largest_share, 0.01, 1.0)
+        not_negative("rest_seconds", self.rest_seconds, "s")
+        choice("time_step", self.time_step, PRESETS)
+        natural("seed", self.seed)
+        check_plant(self.plant)
+        check_mass(self.plant, self.charge.mass, self.charge.bulk_density)
+        smallest = self.scale * min(m.sizes.smallest for m in self.charge.materials)
+        if smallest >= self.largest_diameter:
+            allowed = (
+                f"less: the smallest grain would be {smallest:g} m, {self.largest_diameter:.3g} m may pass"
+            )
+            raise InputError("scale", self.scale, allowed)
+
+    @property
+    def largest_diameter(self) -> float:
+        """Of any grain that is simulated, m: `largest_share` of the narrowest of belt, hatch and inlet."""
+        p = self.plant
+        passage = min(p.belt.width, p.hatch.length, p.hatch.width)
+        inlet = min(p.feeder.length, p.feeder.width)
+        return min(self.largest_share * passage, 0.9 * inlet)
+
+    @cached_property
+    def grains(self) -> tuple[Material, ...]:
+        """The materials at the scale of the simulation, cut off at the largest diameter."""
+        coarse = [m.coarse_grained(self.scale) for m in self.charge.materials]
+        return tuple(
+            replace(m, sizes=cut_off(m.sizes, 0.0, self.largest_diameter))
+            if m.sizes.largest > self.largest_diameter
+            else m
+            for m in coarse
+        )
+
+    @property
+    def merged_share(self) -> float:
+        """Of the charge's mass: what is coarser than the largest grain simulated, and was made smaller."""
+        return sum(
+            part.mass_share * _share_above(material, self.largest_diameter / self.scale)
+            for part, material in zip(self.charge.mix, self.charge.materials, strict=True)
+        )
+
+    @property
+    def expected_particles(self) -> int:
+        """About how many grains the charge has."""
+        return round(
+            sum(
+                part.mass_share
+                * self.charge.mass
+                / (m.particle_density * math.pi / 6.0 * m.sizes.number_mean_cube)
+                for part, m in zip(self.charge.mix, self.grains, strict=True)
+            )
+        )
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time, s: the feed and the rest after it."""
+        return self.charge.duration + self.rest_seconds
+
+    @property
+    def interactions(self) -> Interactions:
+        """Every contact; unlike grains take the mean."""
+        parts = [
+            interactions(m, p) for m, p in zip(self.charge.materials, self.charge.parameters, strict=True)
+        ]
+        first = self.charge.materials[0]
+        return Interactions(
+            tuple(c for part in parts for c in part.grain_contacts),
+            tuple(c for part in parts for c in part.wall_contacts),
+            (Surface(STEEL, Stiffness(first.youngs_modulus, first.poisson_ratio)),),
+        )
+
+    @cached_property
+    def case(self) -> Case:
+        """The charge as a case: the plant's walls and one feed onto the belt's tail."""
+        belt, feeder = self.plant.belt, self.plant.feeder
+        velocity = [
+            belt.speed * r - feeder.fall_speed * n for r, n in zip(belt.running, belt.normal, strict=True)
+        ]
+        feed = Feed(
+            feed_inlet(self.plant),
+            self.charge.mix,
+            rate=self.charge.rate,
+            mass=self.charge.mass,
+            velocity=(velocity[0], velocity[1], velocity[2]),
+        )
+        return Case(
+            grains=self.grains,
+            interactions=self.interactions,
+            duration=self.seconds + LONGEST_LAG,
+            walls=plant_walls(self.plant),
+            feeds=(feed,),
+            domain=plant_domain(self.plant),
+            rest=None,
+            numerics=replace(self.numerics, time_step=self.time_step),
+            seed=self.seed,
+        )
+
+
+def _share_above(material: Material, diameter: float) -> float:
+    """Mass share of what is coarser, uniform by mass inside a class."""
+    share = 0.0
+    for c in material.sizes.classes:
+        if c.lower >= diameter:
+            share += c.mass_share
+        elif c.upper > diameter:
+            share += c.mass_share * (c.upper - diameter) / (c.upper - c.lower)
+    return share
+
+
+def plant_domain(plant: Plant) -> Box:
+    """A box around all walls; what falls beside the hopper leaves it through its bottom."""
+    belt, rim = plant.belt, plant.hopper.rim_radius
+    tail = belt.tangent_point[0] - belt.loaded_length
+    beside = max(rim, belt.drum_along + belt.width, -belt.drum_along + belt.width) + AROUND
+    return Box(
+        (min(tail, -rim) - AROUND, -beside, -plant.hopper.seat_depth - BELOW),
+        (rim + AROUND, beside, math.inf),
+    )
+
+
+def _table() -> dict[str, dict[str, Any]]:
+    text = files("demcore").joinpath("data/charges.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def charge_names() -> tuple[str, ...]:
+    return tuple(_table())
+
+
+def load_charge(name: str, parameters: Mapping[str, ContactParameters] | None = None) -> Charge:
+    """The charge shipped under `name`, with the paper's contact numbers unless `parameters` has others, by
+    material. Raises InputError for an unknown one."""
+    table = _table()
+    if name not in table:
+        raise InputError("charge", name, "one of " + ", ".join(table))
+    row = table[name]
+    mix = tuple(MixPart(material, share) for material, share in row["mix"].items())
+    usual, given = ContactParameters(**row["parameters"]), dict(parameters or {})
+    for material in given:
+        choice("charge.parameters", material, [part.material for part in mix])
+    return Charge(
+        name,
+        mix,
+        tuple(load_material(part.material) for part in mix),
+        tuple(given.get(part.material, usual) for part in mix),
+        row["rate_t_h"] * KG_S_PER_T_H,
+        row["duration_s"],
+    )

@@ -1,0 +1,122 @@
+"""The charge of the hopper as a short program over the parts: a case, a plan, the loop, a measurement."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from demcore.case import Case
+from demcore.case_run import CaseRun
+from demcore.charge import Fill
+from demcore.experiments.charge_case import ChargeTest
+from demcore.experiments.charge_result import ChargeResult, measure_charge
+from demcore.experiments.charge_run import ChargePlan
+from demcore.geometry.walls import Wall
+from demcore.plant.checks import check_inlet, feed_inlet
+from demcore.region import cylinder
+from demcore.run import OnProgress, Recorder, drive
+
+# The bed on which the rate is taken: grains, and wall-clock seconds to settle and to time it.
+RATE_GRAINS = 600
+SETTLE_WALL_SECONDS, TIMED_WALL_SECONDS = 3.0, 1.0
+
+
+def run_charge(
+    test: ChargeTest,
+    on_progress: OnProgress | None = None,
+    threads: int = 1,
+    checkpoint_path: Path | None = None,
+    checkpoint_seconds: float = 30.0,
+    recorder: Recorder | None = None,
+) -> ChargeResult:
+    """Run the charge and measure the burden; same test and seed, same bits, on any number of threads.
+
+    `on_progress`, `checkpoint_path` and `recorder` are those of demcore.run.simulate.
+    Raises InputError for an inlet inside a wall, Cancelled, BlowUp or NoResult (demcore.errors).
+    """
+    check_feed(test)
+    plan = ChargePlan(test)
+    run = CaseRun(test.case, plan, threads > 1, program=test)
+    drive(run, on_progress, checkpoint_path, checkpoint_seconds, recorder)
+    return measure_charge(test, run, plan)
+
+
+def check_feed(test: ChargeTest) -> None:
+    """Raises InputError when the largest grain does not fit the inlet, or would be born inside a wall."""
+    largest = max(g.sizes.largest for g in test.grains)
+    check_inlet(test.plant, largest, feed_inlet(test.plant))
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a charge will take, from a rate (particle-steps/s) measured on this machine just before."""
+
+    particles: int
+    steps: int
+    particle_steps: float
+    rate: float
+
+    @property
+    def seconds(self) -> float:
+        """Of wall clock."""
+        return self.particle_steps / self.rate
+
+    def sentence(self) -> str:
+        """For a person, with a warning where it would take days."""
+        told = (
+            f"about {self.particles} grains, {self.steps} steps, {self.particle_steps:.1e} particle-steps; at "
+            f"{self.rate:.1e} a second, as measured here, {_duration(self.seconds)}"
+        )
+        if self.seconds < 86_400.0:
+            return told
+        factor = math.ceil(10.0 * (self.seconds / 3600.0) ** 0.25) / 10.0
+        return (
+            f"{told}. THAT IS DAYS: {factor:g} times as coarse takes an hour (cost falls with the 4th power)"
+        )
+
+
+def _duration(seconds: float) -> str:
+    for unit, size in (("days", 86_400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def estimate_cost(test: ChargeTest, rate: float | None = None) -> Cost:
+    """Grains come evenly and stay, so half of them are there on average while they come, all of them at rest."""
+    dt = test.case.dt
+    grain_seconds = test.expected_particles * (0.5 * test.charge.duration + test.rest_seconds)
+    measured = measure_rate(test) if rate is None else rate
+    return Cost(test.expected_particles, math.ceil(test.seconds / dt), grain_seconds / dt, measured)
+
+
+def rate_case(test: ChargeTest) -> Case:
+    """A few hundred of the charge's grains that fall into a tube."""
+    volume = sum(
+        part.mass_share / g.particle_density for part, g in zip(test.charge.mix, test.grains, strict=True)
+    )
+    mass = test.charge.mass * min(1.0, RATE_GRAINS / test.expected_particles)
+    largest = max(g.sizes.largest for g in test.grains)
+    radius = max(2.0 * largest, (mass * volume) ** (1.0 / 3.0))
+    height = 8.0 * mass * volume / (math.pi * radius**2) + 4.0 * largest
+    fill = Fill(cylinder((0.0, 0.0, 0.0), radius, height), test.charge.mix, mass)
+    walls = (Wall("plane"), Wall("cylinder", radius=radius, length=height))
+    return replace(test.case, walls=walls, feeds=(), fills=(fill,), domain=None)
+
+
+def measure_rate(test: ChargeTest) -> float:
+    """Particle-steps per second of this machine now, on a small bed of the charge's grains."""
+    run = CaseRun(rate_case(test))
+    s = run.simulation
+    s.advance(1)
+    # Compiled by now. Until it lies, or for so long.
+    falls = math.ceil(math.sqrt(2.0 * run.case.fills[0].region.top / 9.81) / s.dt)
+    started = time.perf_counter()
+    while s.step < falls and time.perf_counter() - started < SETTLE_WALL_SECONDS:
+        s.advance(100)
+    started, before = time.perf_counter(), s.particle_steps
+    while (spent := time.perf_counter() - started) < TIMED_WALL_SECONDS:
+        s.advance(100)
+    return (s.particle_steps - before) / spent
