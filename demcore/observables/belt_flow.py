@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+GRAVITY = 9.81
 CELL = 0.02
 # Bins of the jet, m: fine against any grain.
 BIN = 0.01
@@ -90,12 +91,13 @@ class JetEnvelope:
     def add(
         self, position: Floats, velocity: Floats, diameter: Floats, mass: Floats, interval: float
     ) -> None:
-        """Grains (N,) of which some passed a level in the last `interval` s, taken back along their way."""
+        """Grains (N,) of which some passed a level in the last `interval` s, taken back along their fall."""
         for k, level in enumerate(self.levels):
-            falls = velocity[:, 2] < 0.0
+            speed, below = -velocity[:, 2], level - position[:, 2]
             with np.errstate(divide="ignore", invalid="ignore"):
-                since = (position[:, 2] - level) / velocity[:, 2]
-            passed = falls & (since >= 0.0) & (since < interval)
+                # Back along the parabola: g t^2 / 2 - speed t + below = 0, its earlier root without cancellation.
+                since = 2.0 * below / (speed + np.sqrt(speed**2 - 2.0 * GRAVITY * below))
+            passed = (speed > 0.0) & (since >= 0.0) & (since < interval)
             x = position[passed, 0] - velocity[passed, 0] * since[passed]
             column = np.clip(((x - self.low) / BIN).astype(np.int64), 0, self.mass.shape[1] - 1)
             np.add.at(self.mass[k], column, mass[passed])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from demcore.verification import belts, chung_ooi, impact, many_particles, metamorphic, rolling
+from demcore.verification import belts, charging, chung_ooi, impact, many_particles, metamorphic, rolling
 from demcore.verification.coarse_graining import coarse_graining
 from demcore.verification.flow import beverloo
 from demcore.verification.liggghts_pile import liggghts_pile
@@ -30,9 +30,17 @@ CASES: tuple[Case, ...] = (
     chung_ooi.unlike_spheres,
     belts.belt_drop,
     belts.head_drum,
+    charging.plant_jet,
     many_particles.free_collisions,
     many_particles.settled_weight,
     metamorphic.metamorphic,
 )
 
-SLOW_CASES: tuple[Case, ...] = (packing, janssen, beverloo, coarse_graining, liggghts_pile)
+SLOW_CASES: tuple[Case, ...] = (
+    packing,
+    janssen,
+    beverloo,
+    coarse_graining,
+    liggghts_pile,
+    charging.belt_rate,
+)
