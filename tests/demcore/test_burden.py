@@ -136,7 +136,7 @@ def test_peaks_do_not_depend_on_where_the_circle_starts():
 
 
 def two_heaps(theta, r):
-    """Heights of two heaps at 67.5 and 247.5 degrees, the first .4 and the second .2 above the valleys at -.8 m."""
+    """Heights of heaps at 67.5 and 247.5 degrees, .4 and .2 above the valleys at -.8 m."""
     first = np.clip(np.cos(theta - math.radians(67.5)), 0.0, None) ** 2
     second = np.clip(-np.cos(theta - math.radians(67.5)), 0.0, None) ** 2
     return -0.8 + 0.4 * first + 0.2 * second - 0.05 * np.abs(r - 0.6)
