@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
@@ -140,11 +140,20 @@ class WallRestitution:
 
 
 @dataclass(frozen=True)
+class MixPart:
+    """The share of a mix's mass that is this material."""
+
+    material: str
+    mass_share: float = 1.0
+
+
+@dataclass(frozen=True)
 class Material:
     """A granular material in SI units, with the repose angle that a calibration aims at (nan: none).
 
     `packing_fraction` turns the published bulk density into a particle density (physics.md section 1, choice),
-    unless `grain_density` (kg/m3, of the particle itself) is given.
+    unless `grain_density` (kg/m3, of the particle itself) is given. With `parts` it is a mix (`mixed` makes it):
+    the parts lie in the simulation, and sizes, densities and the rest here are the mix's as a whole.
     """
 
     name: str
@@ -160,6 +169,7 @@ class Material:
     window_deg: tuple[float, float] = (math.nan, math.nan)
     constraints: tuple[str, ...] = ()
     grain_density: float | None = None
+    parts: tuple[MaterialPart, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -173,6 +183,20 @@ class Material:
         if self.grain_density is not None:
             within("grain_density", self.grain_density, self.bulk_density, 30_000.0, "kg/m3")
         shares("wall_restitution.mass_share", [mix.mass_share for mix in self.wall_restitution])
+        if self.parts:
+            check_mix("parts", self.mix)
+            if self.sizes != mixed_sizes(self.parts):
+                raise InputError("sizes", self.sizes, "those of the mix's parts: change the parts")
+
+    @property
+    def grains(self) -> tuple[Material, ...]:
+        """What lies in a simulation: the material itself, or the parts of a mix."""
+        return tuple(part.material for part in self.parts) or (self,)
+
+    @property
+    def mix(self) -> tuple[MixPart, ...]:
+        """The grains by name, with their shares of the mass."""
+        return tuple(MixPart(p.material.name, p.mass_share) for p in self.parts) or (MixPart(self.name),)
 
     @property
     def particle_density(self) -> float:
@@ -181,15 +205,18 @@ class Material:
 
     def coarse_grained(self, scale: float) -> Material:
         """The same material in particles `scale` times as large."""
-        return replace(self, sizes=coarse_grain(self.sizes, scale))
+        if not self.parts:
+            return replace(self, sizes=coarse_grain(self.sizes, scale))
+        parts = tuple(replace(p, material=p.material.coarse_grained(scale)) for p in self.parts)
+        return replace(self, sizes=mixed_sizes(parts), parts=parts)
 
 
 @dataclass(frozen=True)
-class MixPart:
-    """The share of a mix's mass that is this material."""
+class MaterialPart:
+    """A material with its share of a mix's mass."""
 
-    material: str
-    mass_share: float = 1.0
+    material: Material
+    mass_share: float
 
 
 def check_mix(field: str, parts: tuple[MixPart, ...]) -> None:
@@ -201,6 +228,70 @@ def check_mix(field: str, parts: tuple[MixPart, ...]) -> None:
         if names.count(name) > 1:
             raise InputError(field, name, "each material once")
     shares(f"{field}.mass_share", [part.mass_share for part in parts])
+
+
+def side_by_side(mass_shares: Sequence[float], densities: Sequence[float]) -> float:
+    """Density of parts that keep their own volume, 1 / sum (mass share / density)."""
+    return 1.0 / sum(share / density for share, density in zip(mass_shares, densities, strict=True))
+
+
+def mixed_sizes(parts: Sequence[MaterialPart]) -> SizeDistribution:
+    """Mass by size of a mix; classes that overlap are cut at each other's limits."""
+    pieces = [(c, part.mass_share * c.mass_share) for part in parts for c in part.material.sizes.classes]
+    edges = sorted({edge for c, _ in pieces for edge in (c.lower, c.upper)})
+    classes = []
+    for lower, upper in zip(edges, [*edges[1:], math.inf], strict=True):
+        for low, high in ((lower, lower), (lower, upper)):
+            mass = math.fsum(share * _inside(c, low, high) for c, share in pieces)
+            if mass > 0.0:
+                classes.append(SizeClass(low, high, mass))
+    return SizeDistribution(tuple(classes))
+
+
+def _inside(c: SizeClass, lower: float, upper: float) -> float:
+    """Share of a class's mass between two limits of which none lies inside it; a class of one size is a point."""
+    if c.lower == c.upper:
+        return float(lower == upper == c.lower)
+    return (upper - lower) / (c.upper - c.lower) if c.lower <= lower and upper <= c.upper else 0.0
+
+
+def mixed(name: str, parts: Sequence[MaterialPart], constraints: Sequence[str] = ()) -> Material:
+    """A mix by mass. Assumed, because none of it is published: the parts keep the volume that they fill alone
+    (sizes that differ pack closer in reality); ratio, elasticity, damping, the angle aimed at and its window are
+    means by mass share. Raises InputError for shares that do not sum to 1 and for parts that are mixes themselves.
+    """
+    check_mix("parts", tuple(MixPart(part.material.name, part.mass_share) for part in parts))
+    for part in parts:
+        if part.material.parts:
+            raise InputError("parts", part.material.name, "a material that is no mix itself")
+    grains, mass = [part.material for part in parts], [part.mass_share for part in parts]
+
+    def mean(values: Sequence[float]) -> float:
+        return round(sum(m * v for m, v in zip(mass, values, strict=True)), 9)
+
+    bulk = side_by_side(mass, [g.bulk_density for g in grains])
+    density = side_by_side(mass, [g.particle_density for g in grains])
+    at_walls: dict[float, float] = {}
+    for part in parts:
+        for wall in part.material.wall_restitution:
+            share = part.mass_share * wall.mass_share
+            at_walls[wall.value] = at_walls.get(wall.value, 0.0) + share
+    return Material(
+        name=name,
+        bulk_density=bulk,
+        packing_fraction=bulk / density,
+        youngs_modulus=mean([g.youngs_modulus for g in grains]),
+        poisson_ratio=mean([g.poisson_ratio for g in grains]),
+        long_term_damping=mean([g.long_term_damping for g in grains]),
+        dynamic_friction_ratio=mean([g.dynamic_friction_ratio for g in grains]),
+        wall_restitution=tuple(WallRestitution(value, share) for value, share in at_walls.items()),
+        sizes=mixed_sizes(parts),
+        target_deg=mean([g.target_deg for g in grains]),
+        window_deg=(mean([g.window_deg[0] for g in grains]), mean([g.window_deg[1] for g in grains])),
+        constraints=tuple(constraints),
+        grain_density=density,
+        parts=tuple(parts),
+    )
 
 
 def _table() -> dict[str, dict[str, Any]]:
@@ -217,7 +308,19 @@ def load_material(name: str) -> Material:
     table = _table()
     if name not in table:
         raise InputError("material", name, "one of " + ", ".join(table))
-    return material_from_row(name, table[name])
+    return material_from_table(name, table)
+
+
+def material_from_table(name: str, table: Mapping[str, Mapping[str, Any]]) -> Material:
+    """The material `name` of a table of rows; a row with `parts` is a mix of materials of the same table."""
+    row = table[name]
+    if "parts" not in row:
+        return material_from_row(name, row)
+    parts = [
+        MaterialPart(material_from_row(part["material"], table[part["material"]]), part["mass_share"])
+        for part in row["parts"]
+    ]
+    return mixed(name, parts, row["constraints"])
 
 
 def material_from_row(name: str, row: Mapping[str, Any]) -> Material:

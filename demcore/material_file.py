@@ -6,11 +6,12 @@ The file that ships with demcore, data/materials.toml, is the example. Importabl
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from demcore.errors import InputError
-from demcore.material import Material, material_from_row
+from demcore.material import Material, MaterialPart, load_material, material_from_row, mixed
 
 NUMBERS = (
     "bulk_density_kg_m3",
@@ -36,20 +37,48 @@ def read_material(path: Path, name: str) -> Material:
     row = table.get(name)
     if not isinstance(row, dict):
         raise InputError("material", name, f"one of {', '.join(table) or 'none'} in {path.name}")
+    return _mix(name, row, table) if "parts" in row else _pure(name, row)
+
+
+def _mix(name: str, row: dict[str, Any], table: dict[str, Any]) -> Material:
+    """A mix of materials of the same file, or of shipped ones; its aims are the parts' unless it has its own."""
+    _check_keys(name, row, ("parts",), AIMS)
+    if not isinstance(row["parts"], list) or not all(isinstance(part, dict) for part in row["parts"]):
+        raise InputError(f"{name}.parts", row["parts"], "a list of tables with material, mass_share")
+    parts = []
+    for k, part in enumerate(row["parts"]):
+        field = f"{name}.parts[{k}]"
+        _check_keys(field, part, ("material", "mass_share"), ())
+        parts.append(
+            MaterialPart(_part(part["material"], table), _number(f"{field}.mass_share", part["mass_share"]))
+        )
+    mix = mixed(name, parts)
+    aims = _aims(name, row, mix.target_deg, list(mix.window_deg))
+    return replace(mix, target_deg=aims["target_deg"], window_deg=tuple(aims["window_deg"]))
+
+
+def _part(name: Any, table: dict[str, Any]) -> Material:
+    row = table.get(name) if isinstance(name, str) else None
+    return load_material(name) if row is None else _pure(name, row)
+
+
+def _pure(name: str, row: dict[str, Any]) -> Material:
     _check_keys(name, row, (*NUMBERS, *LISTS), AIMS)
     numbers = {key: _number(f"{name}.{key}", row[key]) for key in NUMBERS}
     lists = {key: _rows(f"{name}.{key}", row[key], columns) for key, columns in LISTS.items()}
-    window = row.get("window_deg", [0.0, 90.0])
+    return material_from_row(name, {**numbers, **lists, **_aims(name, row, 45.0, [0.0, 90.0])})
+
+
+def _aims(name: str, row: dict[str, Any], target: float, window: list[float]) -> dict[str, Any]:
+    """What a calibration is for; left out: as given here."""
+    window = row.get("window_deg", window)
     if not isinstance(window, list) or len(window) != 2:
         raise InputError(f"{name}.window_deg", window, "two angles in degrees")
-    checked: dict[str, Any] = {
-        **numbers,
-        **lists,
-        "target_deg": _number(f"{name}.target_deg", row.get("target_deg", 45.0)),
+    return {
+        "target_deg": _number(f"{name}.target_deg", row.get("target_deg", target)),
         "window_deg": [_number(f"{name}.window_deg", angle) for angle in window],
         "constraints": [str(text) for text in row.get("constraints", ())],
     }
-    return material_from_row(name, checked)
 
 
 def _tables(path: Path) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from demcore.interaction import GrainRow
-from demcore.material import Material, MixPart, SizeDistribution
+from demcore.material import Material, MixPart, SizeDistribution, side_by_side
 
 SPHERE = 4.0 / 3.0 * math.pi
 
@@ -59,7 +59,7 @@ def components(
 def bulk_density(mix: Sequence[MixPart], grains: Sequence[Material]) -> float:
     """kg/m3 of a mix whose parts lie side by side: 1 / sum (mass share / bulk density)."""
     of = {g.name: g.bulk_density for g in grains}
-    return 1.0 / sum(part.mass_share / of[part.material] for part in mix)
+    return side_by_side([part.mass_share for part in mix], [of[part.material] for part in mix])
 
 
 def draw_mass(parts: Sequence[Component], mass: float, rng: np.random.Generator) -> Draw:

@@ -16,8 +16,10 @@ from demcore import checkpoint
 from demcore.commands.arguments import check_at_least, output_folder
 from demcore.commands.quantity import parse_quantity
 from demcore.errors import InputError
+from demcore.experiments.contact_parameters import LIMITS, MIXING_RULES, ContactParameters, Parameters
+from demcore.experiments.mix_trials import pairwise_optimum
 from demcore.experiments.paper_tables import TABLE_5
-from demcore.experiments.pile_case import ContactParameters, PileTest
+from demcore.experiments.pile_case import PileTest
 from demcore.identity import run_identity
 from demcore.material import Material, load_material, material_names
 from demcore.material_file import read_material
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
     from demcore.experiments.pile_result import PileResult
 
 CHECKPOINT = "run.checkpoint"
+# The paper's four by their options; what else a contact has, by its own name.
+FOUR = ("friction", "wall_friction", "restitution", "rolling")
+FURTHER = tuple(LIMITS)[len(FOUR) :]
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -44,6 +49,20 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--wall-friction", type=float)
     run.add_argument("--restitution", type=float)
     run.add_argument("--rolling", type=float)
+    run.add_argument(
+        "--parameter",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="another parameter of the contacts, as dynamic_friction_ratio=.8 (repeatable): "
+        + ", ".join(FURTHER),
+    )
+    run.add_argument(
+        "--pairs",
+        choices=tuple(MIXING_RULES),
+        help="a mix: every part by its own Table 5, unlike parts by this rule (default: one set for all contacts)",
+    )
+    run.add_argument("--contact-model", default="paper", help="paper or hertz_mindlin")
     run.add_argument("--time-step", default="fast", help="fast, paper, or a time with its unit, as 20us")
     run.add_argument(
         "--lift", metavar="SPEED", help="lift the cylinder, as 30mm/s (default: it vanishes at once)"
@@ -91,10 +110,11 @@ def pile_test(arguments: argparse.Namespace) -> PileTest:
     test = PileTest(
         material,
         load_rig(rig),
-        contact_parameters(arguments),
+        chosen_parameters(arguments, material),
         scale=arguments.scale,
         seed=arguments.seed,
         fill_level=arguments.fill_level,
+        contact_model=arguments.contact_model,
         time_step=arguments.time_step if preset else "fast",
         lift_speed=None if arguments.lift is None else parse_quantity("lift", arguments.lift, "speed"),
     )
@@ -109,18 +129,43 @@ def chosen_material(arguments: argparse.Namespace) -> Material:
     return load_material(arguments.material)
 
 
+def chosen_parameters(arguments: argparse.Namespace, material: Material) -> Parameters:
+    """One set for all contacts, or with --pairs the paper's optimum of each part of a mix."""
+    if arguments.pairs is None:
+        return contact_parameters(arguments)
+    given = [name for name in FOUR if getattr(arguments, name) is not None]
+    if given or arguments.parameter:
+        raise InputError(
+            "pairs", arguments.pairs, f"without --{(given or ['parameter'])[0]}: parts have their own"
+        )
+    return pairwise_optimum(material, arguments.pairs)
+
+
 def contact_parameters(arguments: argparse.Namespace) -> ContactParameters:
     """What was given; for the rest the paper's optimum, which a material of one's own has none of."""
-    given = (arguments.friction, arguments.wall_friction, arguments.restitution, arguments.rolling)
-    names = ("friction", "wall_friction", "restitution", "rolling")
     known = TABLE_5.get(arguments.material, (None,) * 4)
     values: list[float] = []
-    for name, value, usual in zip(names, given, known, strict=True):
+    for name, usual in zip(FOUR, known, strict=True):
+        value = getattr(arguments, name)
         chosen = usual if value is None else value
         if chosen is None:
-            raise InputError(name, None, "a value: only coke, sinter and pellet stand in the paper's Table 5")
+            raise InputError(name, None, f"a value: only {', '.join(TABLE_5)} stand in the paper's Table 5")
         values.append(chosen)
-    return ContactParameters(*values)
+    return ContactParameters(*values, **further_parameters(arguments.parameter))
+
+
+def further_parameters(texts: list[str]) -> dict[str, float]:
+    """NAME=VALUE by name. Raises InputError for another name, one given twice, or what is no number."""
+    found: dict[str, float] = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if name not in FURTHER or name in found:
+            raise InputError("parameter", text, "NAME=VALUE, once each for " + ", ".join(FURTHER))
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise InputError("parameter", text, f"{name} with a number, as {name}=.5") from None
+    return found
 
 
 def with_time_step(test: PileTest, text: str) -> PileTest:

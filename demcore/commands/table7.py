@@ -52,10 +52,7 @@ def table7(arguments: argparse.Namespace) -> int:
     """Run what is missing in --out, then print the table; status 1 if a run failed."""
     scales = parse_scales(arguments.scale)
     check_at_least("processes", arguments.processes, 1)
-    for seed in arguments.seeds:
-        check_at_least("seeds", seed, 0)
-    if len(set(arguments.seeds)) < len(arguments.seeds):
-        raise InputError("seeds", arguments.seeds, "seeds that differ")
+    check_seeds(arguments.seeds)
     if arguments.sensitivity is None:
         trials = table_7_trials(scales or dict.fromkeys(TABLE_7), arguments.seeds)
     else:
@@ -83,6 +80,14 @@ def table7(arguments: argparse.Namespace) -> int:
     else:
         print("\n".join(texts))
     return 1 if any(outcome.summary is None for outcome in outcomes) else 0
+
+
+def check_seeds(seeds: list[int]) -> None:
+    """Raises InputError for a seed below 0 or twice the same."""
+    for seed in seeds:
+        check_at_least("seeds", seed, 0)
+    if len(set(seeds)) < len(seeds):
+        raise InputError("seeds", seeds, "seeds that differ")
 
 
 def parse_scales(texts: list[str]) -> dict[str, float | None]:
@@ -140,13 +145,16 @@ def comparison(outcomes: list[Outcome]) -> list[dict[str, Any]]:
 
 def comparison_line(row: dict[str, Any]) -> str:
     """Ours and the paper's angles of a material."""
-    ours = f"{_list(row['angles_deg'])} mean {_one(row['mean_deg'])} +- {_one(row['scatter_deg'])}"
-    paper = (
-        f"{_list(row['paper_deg'])} mean {_one(row['paper_mean_deg'])} +- {_one(row['paper_scatter_deg'])}"
+    ours, paper = (
+        f"{listed(row[angles])} mean {one_decimal(row[mean])} +- {one_decimal(row[scatter])}"
+        for angles, mean, scatter in (
+            ("angles_deg", "mean_deg", "scatter_deg"),
+            ("paper_deg", "paper_mean_deg", "paper_scatter_deg"),
+        )
     )
     return (
         f"{row['material']:<7} scale {row['scale']:<5g} ours {ours}   paper {paper}   "
-        f"difference {_signed(row['difference_deg'])}   literal {_list(row['literal_angles_deg'])}"
+        f"difference {_signed(row['difference_deg'])}   literal {listed(row['literal_angles_deg'])}"
     )
 
 
@@ -179,8 +187,8 @@ def sensitivities(outcomes: list[Outcome]) -> list[dict[str, Any]]:
 def sensitivity_line(row: dict[str, Any]) -> str:
     """A choice, what it does, and the noise."""
     return (
-        f"{row['choice']:<58} {_signed(row['difference_deg'])} +- {_one(row['standard_error_deg'])} deg   "
-        f"{_list(row['angles_deg'])}"
+        f"{row['choice']:<58} {_signed(row['difference_deg'])} +- {one_decimal(row['standard_error_deg'])} deg   "
+        f"{listed(row['angles_deg'])}"
     )
 
 
@@ -188,7 +196,8 @@ def _or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _one(value: float | None) -> str:
+def one_decimal(value: float | None) -> str:
+    """A number in a column; a dash for none."""
     return "   -" if value is None else f"{value:4.1f}"
 
 
@@ -196,5 +205,6 @@ def _signed(value: float | None) -> str:
     return "   -" if value is None else f"{value:+5.1f}"
 
 
-def _list(values: list[float | None]) -> str:
-    return "/".join(_one(v).strip() for v in values)
+def listed(values: list[float | None]) -> str:
+    """Numbers with slashes between."""
+    return "/".join(one_decimal(v).strip() for v in values)

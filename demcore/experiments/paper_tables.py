@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 from demcore.case import RestCriterion
 from demcore.errors import InputError
-from demcore.experiments.pile_case import ContactParameters, PileTest
+from demcore.experiments.contact_parameters import ContactParameters
+from demcore.experiments.pile_case import PileTest
 from demcore.material import SizeClass, SizeDistribution, load_material
 from demcore.rig import coarsest_scale, load_rig
 
@@ -22,6 +23,7 @@ TABLE_5 = {
     "coke": (0.50, 0.80, 0.24, 0.48),
     "sinter": (0.40, 0.40, 0.40, 0.24),
     "pellet": (0.40, 0.40, 0.20, 0.20),
+    "sinter65_pellet35": (0.40, 0.40, 0.30, 0.22),
 }
 # Table 7: repose angles, degrees.
 TABLE_7 = {
@@ -55,10 +57,11 @@ def optimum_test(material: str, scale: float | None, seed: int) -> PileTest:
 def table_7_trials(scales: Mapping[str, float | None], seeds: Sequence[int]) -> list[Trial]:
     """Every material of `scales` with every seed."""
     tests = [optimum_test(material, scale, seed) for material, scale in scales.items() for seed in seeds]
-    return [Trial(_name(test), "", test) for test in tests]
+    return [Trial(trial_name(test), "", test) for test in tests]
 
 
-def _name(test: PileTest, suffix: str = "") -> str:
+def trial_name(test: PileTest, suffix: str = "") -> str:
+    """Material, scale and seed, with what else tells a trial from its neighbours."""
     return f"{test.material.name}-scale{test.scale:g}{suffix}-seed{test.seed}"
 
 
@@ -120,11 +123,11 @@ def sensitivity_trials(material: str, scale: float | None, seeds: Sequence[int])
     trials = []
     for seed in seeds:
         base = optimum_test(material, scale, seed)
-        trials.append(Trial(_name(base), "", base))
+        trials.append(Trial(trial_name(base), "", base))
         for key, (told, change) in CHANGES.items():
             changed = change(base)
             if changed != base:
-                trials.append(Trial(_name(base, f"-{key}"), told, changed))
+                trials.append(Trial(trial_name(base, f"-{key}"), told, changed))
     return trials
 
 

@@ -10,24 +10,23 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from demcore.allowed import choice, natural, positive, within
-from demcore.case import Case, Numerics, RestCriterion
+from demcore.case import CONTACT_MODELS, Case, Numerics, RestCriterion
 from demcore.charge import Fill
 from demcore.errors import InputError
-from demcore.geometry.walls import Wall
-from demcore.interaction import (
-    GrainContact,
-    Interaction,
-    Interactions,
-    MaterialTable,
-    Stiffness,
-    Surface,
-    WallContact,
-    compose_table,
+from demcore.experiments.contact_parameters import (
+    ContactParameters,
+    PairwiseParameters,
+    Parameters,
+    grains_of,
+    interactions,
 )
-from demcore.material import Material, MixPart
+from demcore.geometry.walls import Wall
+from demcore.material import Material
 from demcore.region import Box, cylinder
 from demcore.rig import Rig
 from demcore.time_step import PRESETS
+
+__all__ = ["ContactParameters", "PairwiseParameters", "PileTest"]
 
 # Particles are forgotten so far below the base, m, and so many base radii from its axis.
 FLOOR = -0.1
@@ -37,44 +36,26 @@ LOOSEST = 0.15
 # A bed that does not rest in so many seconds after it has fallen in, or after the cylinder went, gives no angle.
 LONGEST_SETTLE = 4.0
 LONGEST_DISCHARGE = 12.0
-STEEL = "steel"
 CYLINDER = 1
-
-
-@dataclass(frozen=True)
-class ContactParameters:
-    """The paper's four variables (Table 5), dimensionless."""
-
-    particle_particle_static_friction: float
-    particle_wall_static_friction: float
-    particle_particle_restitution: float
-    rolling_resistance: float
-
-    def __post_init__(self) -> None:
-        for name, lower, upper in (
-            ("particle_particle_static_friction", 0.0, 10.0),
-            ("particle_wall_static_friction", 0.0, 10.0),
-            ("particle_particle_restitution", 0.05, 1.0),
-            ("rolling_resistance", 0.0, 10.0),
-        ):
-            within(name, getattr(self, name), lower, upper)
 
 
 @dataclass(frozen=True)
 class PileTest:
     """One virtual experiment. `scale` multiplies the sizes, `fill_level` the filled height of the cylinder;
     `time_step` is a preset, `time_step_factor` shortens it after a blow-up. The cylinder vanishes at once, or
-    rises at `lift_speed` (m/s). Of `numerics` the time step's preset is overruled by `time_step`."""
+    rises at `lift_speed` (m/s). `numerics` hold but where `time_step` and `parameters` say otherwise. A mix takes
+    one set of parameters for all its contacts, as the paper does, or one for each part (PairwiseParameters)."""
 
     material: Material
     rig: Rig
-    parameters: ContactParameters
+    parameters: Parameters
     scale: float = 1.0
     seed: int = 1
     fill_level: float = 1.0
     time_step: str = "fast"
     time_step_factor: float = 1.0
     lift_speed: float | None = None
+    contact_model: str = "paper"
     numerics: Numerics = field(default_factory=Numerics)
     rest: RestCriterion = field(default_factory=RestCriterion)
 
@@ -84,7 +65,9 @@ class PileTest:
         choice("time_step", self.time_step, PRESETS)
         positive("time_step_factor", self.time_step_factor, "1 or less")
         within("time_step_factor", self.time_step_factor, 0.0, 1.0)
+        choice("contact_model", self.contact_model, CONTACT_MODELS)
         natural("seed", self.seed)
+        self._check_parameters()
         if self.lift_speed is not None:
             within("lift_speed", self.lift_speed, 0.001, 10.0, "m/s")
         largest = self.material.sizes.largest * self.scale
@@ -95,6 +78,18 @@ class PileTest:
                 f"at most {self.rig.cylinder_radius / self.material.sizes.largest:.2g} for this rig, so that "
                 "two of the largest particles fit across the cylinder",
             )
+
+    def _check_parameters(self) -> None:
+        """A number that the contact model does not have, or a set for a part that is not there, says nothing."""
+        names = [grain.name for grain in self.material.grains]
+        if isinstance(self.parameters, PairwiseParameters):
+            for part in self.parameters.parts:
+                choice("parameters.parts", part.material, names)
+            grains_of(self.material, self.parameters)
+        if self.contact_model != "paper":
+            for name in ("tangential_stiffness_ratio", "long_term_damping"):
+                if (value := getattr(self.parameters, name)) is not None:
+                    raise InputError(name, value, f"none: {self.contact_model} has no such number")
 
     @property
     def dt(self) -> float:
@@ -129,43 +124,31 @@ class PileTest:
         """The test as a case: a base, a cylinder that goes on upwards, and the column to fall into it."""
         top, radius, reach = self.column_height, self.rig.cylinder_radius, REACH * self.rig.base_radius
         case = Case(
-            grains=(self.material.coarse_grained(self.scale),),
+            grains=grains_of(self.material.coarse_grained(self.scale), self.parameters),
             interactions=interactions(self.material, self.parameters),
             duration=self.fall_seconds + LONGEST_SETTLE + self.lift_seconds + LONGEST_DISCHARGE + 1.0,
             walls=(Wall("disc", radius=self.rig.base_radius), Wall("cylinder", radius=radius, length=top)),
-            fills=(
-                Fill(cylinder((0.0, 0.0, 0.0), radius, top), (MixPart(self.material.name),), self.filled_kg),
-            ),
+            fills=(Fill(cylinder((0.0, 0.0, 0.0), radius, top), self.material.mix, self.filled_kg),),
             domain=Box((-reach, -reach, FLOOR), (reach, reach, math.inf)),
-            numerics=replace(self.numerics, time_step=self.time_step),
+            contact_model=self.contact_model,
+            numerics=self._numerics(),
             seed=self.seed,
         )
         if self.time_step_factor == 1.0:
             return case
         return replace(case, time_step=case.largest_time_step * self.time_step_factor)
 
+    def _numerics(self) -> Numerics:
+        """What the test's own fields say goes before `numerics`."""
+        ratio = self.parameters.tangential_stiffness_ratio
+        ratio = self.numerics.stiffness_ratio if ratio is None else ratio
+        damping = self.parameters.long_term_damping
+        damping = self.numerics.long_term_damping if damping is None else damping
+        return replace(
+            self.numerics, time_step=self.time_step, stiffness_ratio=ratio, long_term_damping=damping
+        )
+
     @property
     def diameters_across_base(self) -> float:
         """Mean diameters along the base radius: below 12 the angle feels the particles (physics.md 4)."""
         return self.rig.base_radius / (self.material.sizes.mean_diameter * self.scale)
-
-
-def interactions(material: Material, parameters: ContactParameters) -> Interactions:
-    """The paper's four numbers as contacts; dynamic friction is the material's share of the static one, and
-    walls are as stiff as the grains."""
-    p, ratio, name = parameters, material.dynamic_friction_ratio, material.name
-    grains = Interaction(
-        p.particle_particle_restitution,
-        p.particle_particle_static_friction,
-        ratio * p.particle_particle_static_friction,
-        p.rolling_resistance,
-    )
-    wall_friction = p.particle_wall_static_friction
-    steel = WallContact(name, STEEL, wall_friction, ratio * wall_friction, p.rolling_resistance)
-    stiffness = Stiffness(material.youngs_modulus, material.poisson_ratio)
-    return Interactions((GrainContact(name, name, grains),), (steel,), (Surface(STEEL, stiffness),))
-
-
-def material_table(material: Material, parameters: ContactParameters) -> MaterialTable:
-    """Row 0 the walls, one row of grains per wall restitution."""
-    return compose_table((material,), interactions(material, parameters), (STEEL,))

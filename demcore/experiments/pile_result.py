@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +23,37 @@ from demcore.observables.repose_angle import (
     literal_reading,
     scan_heights,
     surface_scan,
+    top_height,
 )
 from demcore.output.spheres import write_spheres
 from demcore.particles import VX, VZ, Floats, M, R, X, Z
 from demcore.simulation import Simulation
+
+
+class Observable(NamedTuple):
+    """A measured number, its unit, what it is, and the standard error where one run tells it (None: only other
+    seeds do)."""
+
+    name: str
+    value: float
+    unit: str
+    meaning: str
+    standard_error: float | None
+
+
+# What every pile yields, by name: its key in the summary, unit, meaning.
+OBSERVABLES: Mapping[str, tuple[str, str, str]] = {
+    "angle_deg": ("angle_deg", "deg", "repose angle of the scanned surface, mean over the sectors"),
+    "literal_angle_deg": ("literal_angle_deg", "deg", "repose angle by the paper's literal reading"),
+    "mass_on_base_kg": ("mass_on_base_kg", "kg", "mass that stays on the base"),
+    "share_on_base": ("share_on_base", "1", "that mass over the mass filled"),
+    "heap_height_m": ("apex_height_m", "m", "height of the heap's highest point over the base"),
+    "heap_top_m": ("heap_top_m", "m", "mean height of the surface within .15 of the base's radius"),
+    "discharge_t50_s": ("discharge_t50_s", "s", "time until half of what leaves the base has left"),
+    "discharge_t90_s": ("discharge_t90_s", "s", "time until 90 % of what leaves the base has left"),
+    "fill_height_m": ("fill_height_m", "m", "height of the settled column before the cylinder goes"),
+    "filled_bulk_density_kg_m3": ("filled_bulk_density_kg_m3", "kg/m3", "bulk density of that column"),
+}
 
 
 @dataclass(frozen=True)
@@ -75,6 +103,15 @@ class PileResult:
     def h_high_m(self) -> Floats:
         return self.profile.high
 
+    def observables(self) -> tuple[Observable, ...]:
+        """What a calibration may compare with the lab."""
+        errors = {"angle_deg": self.angle_sd_deg, "literal_angle_deg": self.literal.standard_error}
+        values = {"angle_deg": self.angle_deg, "literal_angle_deg": self.literal_angle_deg, **self.numbers}
+        return tuple(
+            Observable(name, float(values[key]), unit, meaning, errors.get(name))
+            for name, (key, unit, meaning) in OBSERVABLES.items()
+        )
+
     def summary(self) -> dict[str, Any]:
         """All numbers, JSON-able, with units in the names."""
         t = self.test
@@ -87,6 +124,7 @@ class PileResult:
             "literal_standard_error_deg": self.literal.standard_error,
             "literal_share_of_bins_under_3": self.literal_share_few,
             **self.numbers,
+            "observables": {o.name: o._asdict() for o in self.observables()},
             "wall_s": self.wall_s,
             "profile": {
                 "r_m": self.r_m.tolist(),
@@ -99,6 +137,7 @@ class PileResult:
             "seed": t.seed,
             "fill_level": t.fill_level,
             "lift_speed_m_s": t.lift_speed,
+            "contact_model": t.contact_model,
             "time_step_preset": t.time_step,
             "diameters_across_base_radius": t.diameters_across_base,
             "parameters": dataclasses.asdict(t.parameters),
@@ -132,8 +171,12 @@ def measure_pile(test: PileTest, run: CaseRun, plan: PilePlan) -> PileResult:
     numbers = {
         "mass_on_base_kg": float(state[:, M].sum()),
         "mass_filled_kg": run.filled_kg,
+        "share_on_base": float(state[:, M].sum()) / run.filled_kg,
         "fill_height_m": plan.fill_height,
+        "filled_bulk_density_kg_m3": _bulk_density(test, run.filled_kg, plan.fill_height),
+        "heap_top_m": top_height(field, base),
         "apex_height_m": float(field.height.max()),
+        "discharge_t50_s": _discharge_time(s, plan.removed_at, 0.5),
         "discharge_t90_s": _discharge_time(s, plan.removed_at, 0.9),
         "particles_filled": run.filled,
         "particles_on_base": int(on.sum()),
@@ -157,6 +200,12 @@ def measure_pile(test: PileTest, run: CaseRun, plan: PilePlan) -> PileResult:
         numbers,
         run.wall_seconds,
     )
+
+
+def _bulk_density(test: PileTest, mass: float, fill_height: float) -> float:
+    """kg/m3 of the settled column; 0 for one without height."""
+    volume = math.pi * test.rig.cylinder_radius**2 * fill_height
+    return mass / volume if volume > 0.0 else 0.0
 
 
 def _discharge_time(simulation: Simulation, removed_at: int, share: float) -> float:

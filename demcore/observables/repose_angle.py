@@ -131,6 +131,12 @@ def literal_reading(
     return _reading(*_fit_sectors(r[top], theta[top], z[top], circular_sectors, 2)), share_few
 
 
+def top_height(field: HeightField, base_radius: float) -> float:
+    """Mean height, m, of the scanned surface within INNER of the base's radius: the top, where no line fits."""
+    inside = np.hypot(field.axis[:, None], field.axis[None, :]) < INNER * base_radius
+    return float(field.height[inside].mean())
+
+
 class HeapProfile(NamedTuple):
     """Ring-wise heights, all (B,), m: radius of the ring, mean height, 5 % and 95 % quantiles around it."""
 

@@ -80,6 +80,12 @@ def refused(arguments, capsys):
         (["pellet", "--checkpoint-seconds", "-1"], "checkpoint_seconds"),
         (["granite"], "material: got 'granite', allowed is one of coke, sinter, pellet"),
         (["pellet", "--rig", "silo"], "rig"),
+        (["pellet", "--parameter", "friction=.3"], "parameter: got 'friction=.3', allowed is NAME=VALUE"),
+        (["pellet", "--parameter", "dynamic_friction_ratio=high"], "dynamic_friction_ratio with a number"),
+        (["pellet", "--parameter", "dynamic_friction_ratio=2"], "dynamic_friction_ratio: got 2.0"),
+        (["pellet", "--contact-model", "soft"], "contact_model"),
+        (["pellet", "--pairs", "mean"], "material: got 'pellet', allowed is a mix"),
+        (["sinter65_pellet35", "--pairs", "mean", "--rolling", "1"], "pairs"),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(arguments, named, tmp_path, capsys):

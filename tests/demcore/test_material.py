@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from demcore.errors import InputError
-from demcore.material import SizeClass, SizeDistribution, coarse_grain, cut_off, load_material, material_names
+from demcore.material import (
+    MaterialPart,
+    MixPart,
+    SizeClass,
+    SizeDistribution,
+    coarse_grain,
+    cut_off,
+    load_material,
+    material_names,
+    mixed,
+    mixed_sizes,
+)
 from demcore.rig import load_rig, rig_names
 
 
 def test_the_papers_materials_and_rigs_are_shipped():
-    assert material_names() == ("coke", "sinter", "pellet")
-    assert rig_names() == ("coke", "sinter", "pellet")
+    assert material_names() == ("coke", "sinter", "pellet", "sinter65_pellet35")
+    assert rig_names() == material_names()
     rig = load_rig("coke")  # Table 2
     assert (rig.base_diameter, rig.cylinder_diameter, rig.cylinder_height) == (1.5, 1.2, 1.6)
 
@@ -93,3 +105,69 @@ def test_bad_input_names_the_field_and_what_is_allowed(build, field):
         build()
     assert caught.value.field == field
     assert caught.value.allowed
+
+
+def iron(share=0.65):
+    parts = (
+        MaterialPart(load_material("sinter"), share),
+        MaterialPart(load_material("pellet"), 1.0 - share),
+    )
+    return mixed("iron", parts)
+
+
+def test_the_shipped_mix_is_the_papers_iron():
+    mix = load_material("sinter65_pellet35")
+    assert mix.mix == (MixPart("sinter", 0.65), MixPart("pellet", 0.35))
+    assert mix.grains == (load_material("sinter"), load_material("pellet"))
+    # By hand: 1 / (.65 / 1863 + .35 / 2088), the same over phi = .6, and .65 * 31 + .35 * 25.5.
+    assert mix.bulk_density == pytest.approx(1936.02, abs=0.01)
+    assert mix.particle_density == pytest.approx(1936.02 / 0.6, abs=0.02)
+    assert mix.target_deg == pytest.approx(29.075)
+    assert mix.window_deg == pytest.approx((27.6, 30.55))
+    assert [(w.value, w.mass_share) for w in mix.wall_restitution] == [
+        (0.2, pytest.approx(0.5)),
+        (0.5, pytest.approx(0.5)),
+    ]
+
+
+def test_a_mix_holds_its_parts_mass_at_every_size():
+    """Pellet of 10 to 22 mm, uniform by mass, over sinter's classes: 10/12 of it lies under 20 mm."""
+    sizes = iron().sizes
+    assert [(c.lower, c.upper) for c in sizes.classes][:3] == [(0.01, 0.02), (0.02, 0.022), (0.022, 0.03)]
+    assert sizes.classes[0].mass_share == pytest.approx(0.65 * 0.27 + 0.35 * 10 / 12)
+    assert sizes.classes[1].mass_share == pytest.approx(0.65 * 0.28 * 0.2 + 0.35 * 2 / 12)
+    assert sum(c.mass_share for c in sizes.classes) == pytest.approx(1.0)
+    coarse = iron().coarse_grained(3.0)
+    assert coarse.sizes.largest == pytest.approx(0.24)
+    assert coarse.grains[1].sizes.largest == pytest.approx(0.066)
+
+
+def test_a_part_of_one_size_keeps_its_mass_inside_anothers_class():
+    one = replace(load_material("pellet"), sizes=SizeDistribution((SizeClass(0.03, 0.03, 1.0),)))
+    sizes = mixed_sizes((MaterialPart(load_material("pellet"), 0.5), MaterialPart(one, 0.5)))
+    assert [(c.lower, c.upper, c.mass_share) for c in sizes.classes] == [
+        (0.01, 0.022, pytest.approx(0.5)),
+        (0.03, 0.03, pytest.approx(0.5)),
+    ]
+    inside = replace(one, sizes=SizeDistribution((SizeClass(0.016, 0.016, 1.0),)))
+    halves = mixed_sizes((MaterialPart(load_material("pellet"), 0.5), MaterialPart(inside, 0.5))).classes
+    assert [c.mass_share for c in halves] == pytest.approx([0.25, 0.5, 0.25])
+
+
+@pytest.mark.parametrize(
+    ("build", "field"),
+    [
+        (lambda: iron(1.0), "parts.mass_share"),
+        (
+            lambda: mixed("two", (MaterialPart(iron(), 0.5), MaterialPart(load_material("coke"), 0.5))),
+            "parts",
+        ),
+        (lambda: mixed("same", (MaterialPart(load_material("coke"), 0.5),) * 2), "parts"),
+        (lambda: mixed("none", ()), "parts"),
+        (lambda: replace(iron(), sizes=load_material("coke").sizes), "sizes"),
+    ],
+)
+def test_a_mix_that_makes_no_sense_is_refused(build, field):
+    with pytest.raises(InputError) as caught:
+        build()
+    assert caught.value.field == field

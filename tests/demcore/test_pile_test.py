@@ -12,7 +12,9 @@ import pytest
 
 from demcore import checkpoint
 from demcore.errors import Cancelled, InputError, NoResult
-from demcore.experiments.pile_case import ContactParameters, PileTest, material_table
+from demcore.experiments.contact_parameters import ContactParameters, material_table
+from demcore.experiments.mix_trials import pairwise_optimum
+from demcore.experiments.pile_case import PileTest
 from demcore.experiments.pile_test import run_pile_test
 from demcore.material import load_material
 from demcore.rig import Rig, load_rig
@@ -45,6 +47,34 @@ def test_a_pile_is_measured_with_everything_that_went_in(result):
     assert len(result.h_m) == len(result.r_m)
     assert result.h_m[0] > result.h_m[-1]
     assert numbers["simulated_s"] > numbers["settled_at_s"] > 0.3
+
+
+def test_what_a_calibration_may_compare_is_named_with_unit_and_error(result):
+    numbers = result.summary()
+    found = {o.name: o for o in result.observables()}
+    assert found["angle_deg"].value == result.angle_deg
+    assert found["angle_deg"].standard_error == result.angle_sd_deg
+    assert found["mass_on_base_kg"][1:3] == (numbers["mass_on_base_kg"], "kg")
+    assert found["mass_on_base_kg"].standard_error is None
+    assert found["share_on_base"].value == pytest.approx(
+        numbers["mass_on_base_kg"] / numbers["mass_filled_kg"]
+    )
+    assert 0.0 < found["discharge_t50_s"].value < found["discharge_t90_s"].value
+    assert 0.0 < found["heap_top_m"].value < found["heap_height_m"].value
+    # A settled bed of spheres: between loose and dense packing of grains of that density, walls included.
+    assert 0.45 < found["filled_bulk_density_kg_m3"].value / 3480.0 < 0.66
+    assert numbers["observables"]["heap_top_m"]["unit"] == "m"
+
+
+def test_a_mix_piles_up_from_both_of_its_parts():
+    mix = load_material("sinter65_pellet35")
+    # Sinter is up to 80 mm: at half its size it fits the small cylinder.
+    pile = run_pile_test(PileTest(mix, RIG, pairwise_optimum(mix, "mean"), scale=0.9, seed=3))
+    mass = pile.radii**3 * np.where(pile.material_rows <= 2, 3105.0, 3480.0)
+    share = mass[pile.material_rows <= 2].sum() / mass.sum()
+    # What stays on the base is not what was filled, but near it.
+    assert 0.5 < share < 0.8
+    assert pile.summary()["parameters"]["unlike"] == "mean"
 
 
 def test_the_same_seed_gives_the_same_bits_on_threads_too_and_another_seed_does_not(result):
