@@ -6,8 +6,9 @@ import hashlib
 import math
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from demcore.rig import load_rig
 from demcore.run import Progress
 from service.domain.outcome import PileMeasurement, StoredArtifact
 from service.domain.search_space import default_values
+from service.domain.study import StudySpec
 from service.settings import Settings
 from service.studies.claim_job import Claim
 
@@ -76,18 +78,21 @@ def compile_kernels() -> None:
 
 
 def pile_test(claim: Claim) -> PileTest:
-    """The virtual experiment of a design: what the study says of it, else defaults."""
-    spec = claim.spec
-    values = {**default_values(), **spec.parameters_of(claim.x)}
+    """The virtual experiment of a claimed design."""
+    test = test_of(claim.spec, claim.x, claim.scale)
+    return replace(test, seed=claim.seed, time_step_factor=claim.time_step_factor)
+
+
+def test_of(spec: StudySpec, x: Sequence[float], scale: float) -> PileTest:
+    """The virtual experiment of a design: what the study says of it, else defaults; a mix takes one set of
+    parameters for all its contacts. Raises demcore.errors.InputError for values that contradict each other."""
     return PileTest(
         material=load_material(spec.material),
         rig=load_rig(spec.material),
-        parameters=ContactParameters(**values),
-        scale=claim.scale,
-        seed=claim.seed,
+        parameters=ContactParameters(**{**default_values(), **spec.parameters_of(tuple(x))}),
+        scale=scale,
         fill_level=spec.fill_level,
         time_step=spec.time_step,
-        time_step_factor=claim.time_step_factor,
     )
 
 

@@ -38,9 +38,14 @@ def recommendation(history: StudyHistory) -> dict[str, Any] | None:
     return {**asdict(found), "x": history.spec.space.as_dict(found.x)}
 
 
-def _history(history: StudyHistory) -> History:
+def whole_history(history: StudyHistory) -> History:
+    """With every observable of the designs, not the responses alone: what a report is made of."""
+    return _history(history, with_others=True)
+
+
+def _history(history: StudyHistory, with_others: bool = False) -> History:
     spec = history.spec
-    done = [_design(spec, d) for d in history.finished]
+    done = [_design(spec, d, with_others) for d in history.finished]
     waiting = [Pending(p.number, p.x, p.seed, p.origin, p.scale) for p in history.pending]
     return History(
         finished=tuple(d for d in done if d.scale == spec.scale),
@@ -55,9 +60,12 @@ def _history(history: StudyHistory) -> History:
     )
 
 
-def _design(spec: StudySpec, design: FinishedDesign) -> Design:
-    """A design that lacks one of the study's responses counts as failed; other observables are left out."""
+def _design(spec: StudySpec, design: FinishedDesign, with_others: bool = False) -> Design:
+    """A design that lacks one of the study's responses counts as failed; other observables are left out
+    unless asked for."""
     found = design.results or {}
     asked = [r.observable for r in spec.responses]
     results = {name: found[name] for name in asked} if all(name in found for name in asked) else None
+    if results is not None and with_others:
+        results = dict(found)
     return Design(design.number, design.x, design.seed, results, design.origin, design.scale)

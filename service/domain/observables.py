@@ -54,6 +54,18 @@ OBSERVABLES: Mapping[str, Observable] = {
     "heap_height_m": Observable(
         "m", "height of the heap's highest point over the base", 1e-4, 10.0, "apex_height_m"
     ),
+    "heap_top_m": Observable(
+        "m", "mean height of the surface within .15 of the base's radius", 1e-4, 10.0, "heap_top_m"
+    ),
+    "share_on_base": Observable(
+        "1", "mass that stays on the base over the mass filled", 1e-4, 1.0, "share_on_base"
+    ),
+    "discharge_t50_s": Observable(
+        "s", "time until half of what leaves the base has left", 1e-3, 1e3, "discharge_t50_s"
+    ),
+    "filled_bulk_density_kg_m3": Observable(
+        "kg/m3", "bulk density of the settled column", 1.0, 3e4, "filled_bulk_density_kg_m3"
+    ),
     "fill_height_m": Observable(
         "m", "height of the settled column before the cylinder goes", 1e-4, 10.0, "fill_height_m"
     ),

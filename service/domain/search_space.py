@@ -64,6 +64,20 @@ FURTHER_PARAMETERS: Mapping[str, ParameterRange] = {
         1e5, 1e11, 1e6, 1e8, "Young's modulus of the grains in the simulation"
     ),
     "poisson_ratio": ParameterRange(0.0, 0.49, 0.15, 0.35, "Poisson ratio of the grains"),
+    "particle_particle_dynamic_friction": ParameterRange(
+        0.0,
+        2.0,
+        0.1,
+        0.8,
+        "Coulomb friction between sliding particles, at most the static one",
+    ),
+    "particle_wall_dynamic_friction": ParameterRange(
+        0.0, 2.0, 0.1, 0.8, "Coulomb friction of a particle that slides on steel, at most the static one"
+    ),
+    "tangential_stiffness_ratio": ParameterRange(
+        0.01, 2.0, 0.2, 1.0, "tangential over normal stiffness of all contacts"
+    ),
+    "long_term_damping": ParameterRange(0.0, 2.0, 0.0, 1.0, "damping coefficient of long-term contacts"),
 }
 
 PARAMETERS: Mapping[str, ParameterRange] = {**PAPER_PARAMETERS, **FURTHER_PARAMETERS}

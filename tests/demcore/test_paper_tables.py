@@ -17,6 +17,7 @@ import pytest
 from demcore.__main__ import main
 from demcore.commands.table7 import comparison, parse_scales, sensitivities
 from demcore.errors import InputError
+from demcore.experiments.contact_parameters import ContactParameters
 from demcore.experiments.paper_tables import (
     CHANGES,
     TABLE_7,
@@ -41,7 +42,7 @@ def outcome(material, angle, choice="", seed=1):
 
 def test_the_optimum_is_the_papers_at_a_scale_that_the_angle_does_not_feel():
     test = optimum_test("coke", None, 2)
-    assert dataclasses.astuple(test.parameters) == (0.50, 0.80, 0.24, 0.48)
+    assert test.parameters == ContactParameters(0.50, 0.80, 0.24, 0.48)
     assert test.diameters_across_base >= 12.0
     assert test.seed == 2
     trials = table_7_trials({"coke": None, "pellet": 3.0}, (1, 2))

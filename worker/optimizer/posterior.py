@@ -1,32 +1,61 @@
-"""What a study has identified: the emulator's posterior over the whole box (calibration.md decision 8).
+"""What a study has identified: the emulators' posterior over the whole box (calibration.md decision 8).
 
-Notation (k Sobol points of the box, d variables)
-    u       points in the unit cube                                               (k, d)
-    m, s    mean and inflated sd of the angle                                     (k,)
-    t, tau  target and its sd: the window is read as t +- 2 tau
-    chi     |t - m| / sqrt(s^2 + tau^2), the distance from the target in sigma    (k,)
-    w       weights, P(ok) exp(-chi^2 / 2) / sqrt(s^2 + tau^2), summing to 1      (k,)
+Notation (k Sobol points of the box, d variables, responses r)
+    u       points in the unit cube                                                        (k, d)
+    m, s    mean and inflated sd of a response                                             (k,)
+    t       its target; tau its sd: tau^2 = measurement^2 + discrepancy^2
+    chi     |t - m| / sqrt(s^2 + tau^2), the distance from the target in sigma             (k,)
+    w       P(ok) prod_r exp(-chi_r^2 / 2) / sqrt(s_r^2 + tau_r^2), summing to 1           (k,)
 
-The prior is uniform over the box, so the weights are the posterior. A parameter is identified when its
+Measurement is the lab's sd, or where none is given a quarter of the window (a window is read as t +- 2 sd).
+Discrepancy is what a model of spheres may be off: half the tolerance, the miss that the study accepts read as
+2 sd. The prior is uniform over the box, so the weights are the posterior. A parameter is identified when its
 posterior sd is small against the prior's, (upper - lower) / sqrt(12).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from service.domain.study import StudySpec
-from worker.optimizer.design import FloatArray, sobol
+from service.domain.search_space import SearchSpace
+from service.domain.study import Response, StudySpec
+from worker.optimizer.crashes import CrashClassifier
+from worker.optimizer.design import FloatArray, sobol, to_unit
+from worker.optimizer.emulator import Emulator, emulators
 from worker.optimizer.history import History
-from worker.optimizer.outlook import Outlook, build_outlook
 
 POINTS = 60_000
 IDENTIFIED_BELOW = 0.35
 WEAK_BELOW = 0.8
+# A variable takes part in a combination when its coefficient is above this share of the largest.
+TAKES_PART = 0.3
 _STREAM = 100
+_BLOCK = 1024
+
+
+class Beliefs(NamedTuple):
+    """What a study's history says of the box: emulators by observable, and the chance of a run to end well."""
+
+    spec: StudySpec
+    emulators: Mapping[str, Emulator]
+    crashes: CrashClassifier
+
+
+class Sample(NamedTuple):
+    """Points of the box u (k, d), posterior weights w (k,), P(ok) (k,), chi (k,) of the worst response, and mean
+    and inflated sd (k,) of every response by observable."""
+
+    u: FloatArray
+    w: FloatArray
+    ok: FloatArray
+    chi: FloatArray
+    means: Mapping[str, FloatArray]
+    sds: Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -43,63 +72,104 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Combination:
+    """A direction of the box: coefficients by parameter, in widths of their ranges, and how well it is known."""
+
+    coefficients: Mapping[str, float]
+    sd_ratio: float
+    label: str
+
+    @property
+    def text(self) -> str:
+        """As `0.71 a + 0.71 b`, of the parameters that take part."""
+        terms = " ".join(
+            f"{'-' if c < 0 else '+'} {abs(c):.2f} {name}" for name, c in self.taking_part.items()
+        )
+        return terms.removeprefix("+ ")
+
+    @property
+    def taking_part(self) -> dict[str, float]:
+        """Coefficients that are not small."""
+        largest = max(abs(c) for c in self.coefficients.values())
+        return {name: c for name, c in self.coefficients.items() if abs(c) > TAKES_PART * largest}
+
+
+@dataclass(frozen=True)
 class Posterior:
     """`correlations` in the order of `parameters`; `share_within_2_sigma` of the box, weighted with P(ok).
 
-    `effective_points` says how many equally weighted points the sample is worth: under some hundred, the
-    intervals are coarse.
+    `combinations` are the directions of the box, the best known first. `effective_points` says how many equally
+    weighted points the sample is worth: under some hundred, the intervals are coarse.
     """
 
     parameters: tuple[Parameter, ...]
     correlations: tuple[tuple[float, ...], ...]
+    combinations: tuple[Combination, ...]
     share_within_2_sigma: float
     effective_points: float
 
 
-def target_sd_deg(spec: StudySpec) -> float:
-    """A quarter of the window's width."""
-    lower, upper = spec.primary.window
-    return 0.25 * (upper - lower)
+def target_sd(response: Response) -> float:
+    """tau: what lab and model leave open, in the response's unit."""
+    lower, upper = response.window
+    measurement = response.uncertainty if response.uncertainty > 0.0 else 0.25 * (upper - lower)
+    return math.hypot(measurement, 0.5 * response.tolerance)
+
+
+def beliefs(spec: StudySpec, history: History) -> Beliefs | None:
+    """Fit everything; None before three designs have a value for every response."""
+    fitted = emulators(spec.space, history)
+    if any(r.observable not in fitted for r in spec.responses):
+        return None
+    u = to_unit(spec.space, [d.x for d in history.finished])
+    ran = np.array([d.results is not None for d in history.finished], dtype=np.float64)
+    return Beliefs(spec, fitted, CrashClassifier(u, ran))
 
 
 def posterior(spec: StudySpec, history: History, points: int = POINTS) -> Posterior | None:
-    """The posterior given the finished designs; None before any angle."""
-    return outlook_posterior(build_outlook(spec, history), points) if history.succeeded else None
+    """The posterior given the finished designs; None before there is enough to fit."""
+    known = beliefs(spec, history)
+    return None if known is None else describe(spec.space, draw(known, points))
 
 
-def outlook_posterior(outlook: Outlook, points: int = POINTS) -> Posterior:
-    """`posterior` for an outlook that is already fitted."""
-    spec = outlook.spec
+def draw(known: Beliefs, points: int = POINTS) -> Sample:
+    """Weighted points of the box."""
+    spec = known.spec
     u = sobol(spec.space.dimension, points, _STREAM, spec.seed)
-    w, share = weights(outlook, u)
+    ok = np.concatenate([known.crashes.ok_probability(u[k : k + _BLOCK]) for k in range(0, len(u), _BLOCK)])
+    predicted = {r.observable: known.emulators[r.observable].predict(u) for r in spec.responses}
+    log_w, worst = np.log(np.maximum(ok, 1e-300)), np.zeros(len(u))
+    for response in spec.responses:
+        mean, sd = predicted[response.observable]
+        sigma = np.hypot(sd, target_sd(response))
+        chi = np.abs(response.target - mean) / sigma
+        log_w -= np.log(sigma) + 0.5 * chi**2
+        worst = np.maximum(worst, chi)
+    # In logarithms, and relative to the best point: far from the target every weight would be zero.
+    w = np.exp(log_w - np.max(log_w))
+    means = {name: mean for name, (mean, _) in predicted.items()}
+    return Sample(u, w / np.sum(w), ok, worst, means, {name: sd for name, (_, sd) in predicted.items()})
+
+
+def describe(space: SearchSpace, sample: Sample) -> Posterior:
+    """Moments, intervals and directions of a sample."""
+    u, w = sample.u, sample.w
     mean = w @ u
     centred = u - mean
     covariance = (w[:, None] * centred).T @ centred
-    sd = np.sqrt(np.diag(covariance))
+    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
+    rows = zip(range(u.shape[1]), mean.tolist(), sd.tolist(), strict=True)
     return Posterior(
-        parameters=tuple(
-            _parameter(spec, j, u[:, j], w, float(mean[j]), float(sd[j])) for j in range(u.shape[1])
-        ),
+        parameters=tuple(_parameter(space, j, u[:, j], w, m, s) for j, m, s in rows),
         correlations=tuple(tuple(float(c) for c in row) for row in covariance / np.outer(sd, sd)),
-        share_within_2_sigma=share,
+        combinations=_combinations(space, covariance),
+        share_within_2_sigma=float(np.mean(sample.ok * (sample.chi <= 2.0))),
         effective_points=float(1.0 / np.sum(w * w)),
     )
 
 
-def weights(outlook: Outlook, u: FloatArray) -> tuple[FloatArray, float]:
-    """Posterior weights of the points u, and the share of the space within two sigma of the target."""
-    mean, sd = outlook.surrogate.predict(u)
-    ok = outlook.crashes.ok_probability(u)
-    sigma = np.sqrt((outlook.inflation * sd) ** 2 + target_sd_deg(outlook.spec) ** 2)
-    chi = np.abs(outlook.spec.primary.target - mean) / sigma
-    # In logarithms, and relative to the best point: far from the target every weight would be zero.
-    log_w = np.log(np.maximum(ok, 1e-300)) - np.log(sigma) - 0.5 * chi**2
-    w = np.exp(log_w - np.max(log_w))
-    return w / np.sum(w), float(np.mean(ok * (chi <= 2.0)))
-
-
-def _parameter(spec: StudySpec, j: int, u: FloatArray, w: FloatArray, mean: float, sd: float) -> Parameter:
-    variable = spec.space.variables[j]
+def _parameter(space: SearchSpace, j: int, u: FloatArray, w: FloatArray, mean: float, sd: float) -> Parameter:
+    variable = space.variables[j]
     width = variable.upper - variable.lower
     lower, upper = interval(u, w, 0.9)
     ratio = sd * math.sqrt(12.0)
@@ -112,6 +182,19 @@ def _parameter(spec: StudySpec, j: int, u: FloatArray, w: FloatArray, mean: floa
         sd_ratio=ratio,
         label=label(ratio),
     )
+
+
+def _combinations(space: SearchSpace, covariance: FloatArray) -> tuple[Combination, ...]:
+    """Eigenvectors of the covariance in the unit cube; the prior's sd is 1/sqrt(12) in every direction."""
+    values, vectors = np.linalg.eigh(covariance)
+    found = []
+    for value, vector in zip(np.maximum(values, 0.0), vectors.T, strict=True):
+        # The sign of an eigenvector is arbitrary: the largest coefficient is made positive.
+        upright = vector * np.sign(vector[np.argmax(np.abs(vector))])
+        ratio = math.sqrt(12.0 * float(value))
+        coefficients = dict(zip(space.names, upright.tolist(), strict=True))
+        found.append(Combination(coefficients, ratio, label(ratio)))
+    return tuple(found)
 
 
 def interval(values: FloatArray, w: FloatArray, probability: float) -> tuple[float, float]:

@@ -1,11 +1,14 @@
-"""Which parameter moves the angle: correlations and main effects over the surrogate.
+"""Which parameter moves a response: Sobol indices, correlations, main effects, slices; all on the emulator.
 
-Notation (k Sobol points of the box, L levels, d variables)
-    m(u)      surrogate mean, degrees
-    M_j(l)    main effect: mean of m with u_j held at level l, the others over the box    (L,)
-    S_j       Var_l M_j(l) / Var m: share of the angle's variance that u_j explains alone (first Sobol index)
-    rho_j     Spearman's rank correlation of u_j and m over the box
-These describe the surrogate; with few designs a weak parameter's effect may be nothing but its prior.
+Notation (L levels, d variables, q points of the other variables)
+    f(u)      emulator mean over the box, inputs uniform
+    S_j, T_j  first-order and total Sobol index of variable j (Saltelli 2010, through SALib)
+    M_j(l)    main effect: average of f with u_j held at level l, the others over the box            (L,)
+    rho_j     Spearman's rank correlation of the designs' values with the response
+Errors: of S and T, SALib's bootstrap over the points (90 %) and the emulator's own, by a delete-a-group jackknife
+over the designs (Shao and Wu 1989: sqrt((g - 1)/g sum (S_i - mean)^2) for g groups), both half-widths at 90 %.
+Bands of main effects and slices are the inflated sd of the emulator. With few designs a weak parameter's effect
+may be nothing but the emulator's prior: that is what the second error shows.
 """
 
 from __future__ import annotations
@@ -15,52 +18,176 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import spearmanr
 
+from service.domain.search_space import SearchSpace, Variable
 from service.domain.study import StudySpec
-from worker.optimizer.design import FloatArray, sobol
+from worker.optimizer.design import FloatArray, X, sobol
+from worker.optimizer.emulator import Emulator, emulators
 from worker.optimizer.history import History
-from worker.optimizer.outlook import Outlook, build_outlook
 
-POINTS = 1024
+BASE = 1024
+JACKKNIFE_BASE = 256
+GROUPS = 10
 LEVELS = 11
+OTHERS = 64
+SLICE_LEVELS = 41
+Z_90 = 1.6448536269514722
 _STREAM = 101
 
 
 @dataclass(frozen=True)
 class Effect:
-    """`values` (physical) and `angles_deg` draw the main effect; `swing_deg`: last less first."""
+    """`values` (physical) and `means` draw the main effect, `sds` its band; `swing`: last less first.
+
+    `variance_share` and `total_share` are the Sobol indices; `*_error` the 90 % half-widths from sampling, and
+    `*_emulator_error` those from the designs (nan with too few). `rank_correlation` is the designs' own, with
+    its p value; nan with fewer than three.
+    """
 
     name: str
     values: tuple[float, ...]
-    angles_deg: tuple[float, ...]
-    swing_deg: float
+    means: tuple[float, ...]
+    sds: tuple[float, ...]
+    swing: float
     variance_share: float
+    variance_share_error: float
+    variance_share_emulator_error: float
+    total_share: float
+    total_share_error: float
+    total_share_emulator_error: float
     rank_correlation: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Slice:
+    """A cut through the response surface at `through`: mean and sd along `name`, or over two variables as rows."""
+
+    names: tuple[str, ...]
+    axes: tuple[tuple[float, ...], ...]
+    means: FloatArray
+    sds: FloatArray
 
 
 def sensitivity(spec: StudySpec, history: History) -> tuple[Effect, ...] | None:
-    """One effect for each variable, in their order; None before any angle."""
-    if not history.succeeded:
-        return None
-    outlook = build_outlook(spec, history)
-    u = sobol(spec.space.dimension, POINTS, _STREAM, spec.seed)
-    m, _ = outlook.surrogate.predict(u)
-    return tuple(_effect(outlook, u, m, j) for j in range(spec.space.dimension))
+    """Effects on the primary response, one for each variable; None before there is enough to fit."""
+    one = emulators(spec.space, history).get(spec.primary.observable)
+    return None if one is None else effects(spec, one)
 
 
-def _effect(outlook: Outlook, u: FloatArray, m: FloatArray, j: int) -> Effect:
-    variable = outlook.spec.space.variables[j]
-    levels = (np.arange(LEVELS) + 0.5) / LEVELS
-    means = []
-    for level in levels:
-        held = u.copy()
-        held[:, j] = level
-        means.append(float(np.mean(outlook.surrogate.predict(held)[0])))
-    total = float(np.var(m))
-    return Effect(
-        name=variable.name,
-        values=tuple(float(variable.lower + v * (variable.upper - variable.lower)) for v in levels),
-        angles_deg=tuple(means),
-        swing_deg=means[-1] - means[0],
-        variance_share=float(np.var(means)) / total if total > 0.0 else 0.0,
-        rank_correlation=float(spearmanr(u[:, j], m).statistic),
+def effects(spec: StudySpec, emulator: Emulator) -> tuple[Effect, ...]:
+    """One effect for each variable, in their order."""
+    first, total, first_error, total_error = sobol_indices(emulator, spec.space, BASE, spec.seed)
+    first_own, total_own = _jackknife(emulator, spec.space, spec.seed)
+    found = []
+    for j, variable in enumerate(spec.space.variables):
+        values, means, sds = main_effect(emulator, spec.space, j, spec.seed)
+        rho, p = _rank_correlation(emulator, j)
+        found.append(
+            Effect(
+                name=variable.name,
+                values=values,
+                means=means,
+                sds=sds,
+                swing=means[-1] - means[0],
+                variance_share=float(first[j]),
+                variance_share_error=float(first_error[j]),
+                variance_share_emulator_error=float(first_own[j]),
+                total_share=float(total[j]),
+                total_share_error=float(total_error[j]),
+                total_share_emulator_error=float(total_own[j]),
+                rank_correlation=rho,
+                p_value=p,
+            )
+        )
+    return tuple(found)
+
+
+def sobol_indices(
+    emulator: Emulator, space: SearchSpace, base: int, seed: int, resamples: int = 100
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """S, T and their bootstrap half-widths at 90 %, each (d,); `base` is a power of two."""
+    # pandas comes with it: only a report pays for that.
+    from SALib.analyze import sobol as analyze
+    from SALib.sample import sobol as saltelli
+
+    problem = {
+        "num_vars": space.dimension,
+        "names": list(space.names),
+        "bounds": [[0.0, 1.0]] * space.dimension,
+    }
+    if space.dimension == 1:
+        return np.ones(1), np.ones(1), np.zeros(1), np.zeros(1)
+    points = saltelli.sample(problem, base, calc_second_order=False, seed=seed)
+    values = emulator.mean(points)
+    if float(np.ptp(values)) <= 1e-12 * max(1.0, float(np.abs(values).max())):
+        return (np.zeros(space.dimension),) * 4
+    found = analyze.analyze(
+        problem, values, calc_second_order=False, num_resamples=resamples, conf_level=0.9, seed=seed
     )
+    return found["S1"], found["ST"], found["S1_conf"], found["ST_conf"]
+
+
+def _jackknife(emulator: Emulator, space: SearchSpace, seed: int) -> tuple[FloatArray, FloatArray]:
+    """90 % half-widths (d,) of S and T when groups of designs are left out; nan with fewer designs than groups."""
+    designs = len(emulator.surrogate.data.y)
+    if designs < GROUPS:
+        unknown = np.full(space.dimension, np.nan)
+        return unknown, unknown
+    rows = [
+        sobol_indices(emulator.without(range(k, designs, GROUPS)), space, JACKKNIFE_BASE, seed, resamples=2)[
+            :2
+        ]
+        for k in range(GROUPS)
+    ]
+    first, total = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
+    spread = [np.sqrt((GROUPS - 1) * np.var(a, axis=0)) for a in (first, total)]
+    return Z_90 * spread[0], Z_90 * spread[1]
+
+
+def main_effect(
+    emulator: Emulator, space: SearchSpace, j: int, seed: int
+) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """Physical values of variable j, M_j there, and the inflated sd of that average."""
+    levels = (np.arange(LEVELS) + 0.5) / LEVELS
+    others = sobol(space.dimension, OTHERS, _STREAM, seed)
+    rows = []
+    for level in levels:
+        held = others.copy()
+        held[:, j] = level
+        rows.append(emulator.average(held))
+    means, sds = zip(*rows, strict=True)
+    return _physical(space.variables[j], levels), tuple(means), tuple(sds)
+
+
+def _rank_correlation(emulator: Emulator, j: int) -> tuple[float, float]:
+    data = emulator.surrogate.data
+    if len(data.y) < 3 or np.ptp(data.u[:, j]) == 0.0:
+        return float("nan"), float("nan")
+    found = spearmanr(data.u[:, j], data.y)
+    return float(found.statistic), float(found.pvalue)
+
+
+def slice_along(emulator: Emulator, space: SearchSpace, through: X, j: int) -> Slice:
+    """The response along variable j, the others as in `through`."""
+    levels = np.linspace(0.0, 1.0, SLICE_LEVELS)
+    u = np.tile(np.array(space.to_unit(through)), (len(levels), 1))
+    u[:, j] = levels
+    mean, sd = emulator.predict(u)
+    variable = space.variables[j]
+    return Slice((variable.name,), (_physical(variable, levels),), mean, sd)
+
+
+def slice_over(emulator: Emulator, space: SearchSpace, through: X, pair: tuple[int, int]) -> Slice:
+    """The response over two variables, means and sds (rows along the first, columns along the second)."""
+    levels = np.linspace(0.0, 1.0, 21)
+    first, second = np.meshgrid(levels, levels, indexing="ij")
+    u = np.tile(np.array(space.to_unit(through)), (first.size, 1))
+    u[:, pair[0]], u[:, pair[1]] = first.ravel(), second.ravel()
+    mean, sd = emulator.predict(u)
+    chosen = [space.variables[j] for j in pair]
+    axes = tuple(_physical(v, levels) for v in chosen)
+    return Slice(tuple(v.name for v in chosen), axes, mean.reshape(first.shape), sd.reshape(first.shape))
+
+
+def _physical(variable: Variable, levels: FloatArray) -> tuple[float, ...]:
+    return tuple(float(variable.lower + v * (variable.upper - variable.lower)) for v in levels)

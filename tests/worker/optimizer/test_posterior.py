@@ -1,48 +1,179 @@
-"""Posterior and sensitivity where the answer is known: one variable decides, the other does nothing."""
+"""The posterior where it is known: linear responses of Gaussian targets, silent variables, sums."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from tests.worker.optimizer.studies import at, space, spec_of
+from service.domain.study import Response, StudySpec
+from tests.worker.optimizer.studies import space
 from worker.optimizer.history import Design, History
-from worker.optimizer.posterior import interval, label, posterior
-from worker.optimizer.sensitivity import sensitivity
+from worker.optimizer.posterior import Posterior, describe, draw, interval, label, posterior, target_sd
+from worker.optimizer.posterior import beliefs as known_of
+from worker.optimizer.report import sentences
 
-SPEC = spec_of(space(2, None), 30.0, 1.0)
+
+def response(observable: str, target: float, uncertainty: float, tolerance: float = 0.2) -> Response:
+    window = (target - 4.0 * uncertainty, target + 4.0 * uncertainty)
+    return Response(observable, target, window, tolerance, uncertainty)
 
 
-def linear_history() -> History:
-    """angle = 20 + 20 u_1, free of noise, on a 5 x 5 grid: target 30 +- 1 means u_1 = .5 +- .05."""
-    grid = [(a, b) for a in np.linspace(0, 1, 5) for b in np.linspace(0, 1, 5)]
-    designs = (
-        Design(i + 1, (float(a), float(b)), i, at(20.0 + 20.0 * float(a)), "doe")
-        for i, (a, b) in enumerate(grid)
+def study(*responses: Response, dimension: int = 2) -> StudySpec:
+    return StudySpec("test", 1.0, space(dimension, None), responses)
+
+
+def grid_history(of: dict[str, Callable[..., float]], dimension: int = 2, levels: int = 6) -> History:
+    """Noiseless values of the observables on a full grid of the unit box."""
+    axes = np.meshgrid(*[np.linspace(0, 1, levels)] * dimension)
+    rows = np.column_stack([a.ravel() for a in axes]).tolist()
+    return History(
+        tuple(
+            Design(i + 1, tuple(x), i, {name: f(*x) for name, f in of.items()}, "doe")
+            for i, x in enumerate(rows)
+        )
     )
-    return History(tuple(designs))
 
 
-def test_posterior_identifies_what_decides_and_leaves_the_rest() -> None:
-    found = posterior(SPEC, linear_history(), points=8192)
-    assert found is not None
-    first, second = found.parameters
+def found(spec: StudySpec, history: History, points: int = 16384) -> Posterior:
+    known = posterior(spec, history, points)
+    assert known is not None
+    return known
+
+
+def test_a_linear_response_gives_the_gaussian_of_the_textbook() -> None:
+    """angle = 20 + 20 u_1, target 30: u_1 ~ N(.5, (sqrt(tau^2 + s^2) / 20)^2), far from the box's ends."""
+    spec = study(response("angle_deg", 30.0, 1.0))
+    history = grid_history({"angle_deg": lambda a, _b: 20.0 + 20.0 * a})
+    first, second = found(spec, history).parameters
+    known = known_of(spec, history)
+    assert known is not None
+    emulator_sd = float(known.emulators["angle_deg"].predict(np.array([[0.5, 0.5]]))[1][0])
+    sigma = math.hypot(target_sd(spec.responses[0]), emulator_sd) / 20.0
+    assert first.mean == pytest.approx(0.5, abs=0.005)
+    assert first.sd == pytest.approx(sigma, rel=0.05)
+    # +- 1.645 sd hold 90 %.
+    assert first.upper_90 - first.lower_90 == pytest.approx(2 * 1.645 * sigma, rel=0.05)
     assert (first.label, second.label) == ("identified", "not identified")
-    assert first.mean == pytest.approx(0.5, abs=0.01)
-    assert first.lower_90 < 0.5 < first.upper_90
-    assert first.upper_90 - first.lower_90 < 0.2
-    assert second.sd_ratio == pytest.approx(1.0, abs=0.1)
+    assert second.sd_ratio == pytest.approx(1.0, abs=0.03)
     assert (second.lower_90, second.upper_90) == (
-        pytest.approx(0.05, abs=0.03),
-        pytest.approx(0.95, abs=0.03),
+        pytest.approx(0.05, abs=0.02),
+        pytest.approx(0.95, abs=0.02),
     )
 
 
-def test_share_within_two_sigma_is_the_window_widened_by_the_emulator() -> None:
-    """Alone the window (2 sigma) would be 2 deg of 20: .1; the emulator's sd of about .25 adds a little."""
-    found = posterior(SPEC, linear_history(), points=8192)
-    assert found is not None
-    assert 0.08 < found.share_within_2_sigma < 0.16
+def test_two_linear_responses_give_the_gaussian_of_both() -> None:
+    """y = A u + noise: the posterior covariance is (A^T S^-1 A)^-1, with S the targets' variances."""
+    slopes = np.array([[20.0, 20.0], [20.0, -10.0]])
+    spec = study(response("angle_deg", 40.0, 1.0), response("literal_angle_deg", 25.0, 1.5))
+    history = grid_history(
+        {
+            "angle_deg": lambda a, b: 20.0 + 20.0 * a + 20.0 * b,
+            "literal_angle_deg": lambda a, b: 20.0 + 20.0 * a - 10.0 * b,
+        }
+    )
+    known = known_of(spec, history)
+    assert known is not None
+    middle = np.array([[0.5, 0.5]])
+    variances = [
+        target_sd(r) ** 2 + float(known.emulators[r.observable].predict(middle)[1][0]) ** 2
+        for r in spec.responses
+    ]
+    expected = np.linalg.inv(slopes.T @ np.diag(1.0 / np.array(variances)) @ slopes)
+    said = found(spec, history)
+    sd = np.sqrt(np.diag(expected))
+    assert [p.mean for p in said.parameters] == pytest.approx([0.5, 0.5], abs=0.01)
+    assert [p.sd for p in said.parameters] == pytest.approx(sd.tolist(), rel=0.1)
+    assert said.correlations[0][1] == pytest.approx(expected[0, 1] / sd[0] / sd[1], abs=0.05)
+
+
+def test_a_sum_is_identified_only_as_a_combination() -> None:
+    spec = study(response("angle_deg", 40.0, 0.5))
+    said = found(spec, grid_history({"angle_deg": lambda a, b: 20.0 + 20.0 * (a + b)}))
+    assert said.correlations[0][1] < -0.95
+    assert {p.label for p in said.parameters} <= {"weak", "not identified"}
+    best, rest = said.combinations
+    assert best.label == "identified"
+    assert list(best.coefficients.values()) == pytest.approx([math.sqrt(0.5)] * 2, abs=0.03)
+    assert rest.label == "not identified"
+    told = [text for text in sentences(said) if "combination" in text]
+    assert len(told) == 1
+    assert "0.7" in told[0] and "rolling_resistance" in told[0]
+
+
+def test_a_combination_of_identified_parameters_is_no_news() -> None:
+    spec = study(response("angle_deg", 40.0, 0.5), response("literal_angle_deg", 30.0, 0.5))
+    said = found(
+        spec,
+        grid_history(
+            {
+                "angle_deg": lambda a, b: 20.0 + 20.0 * (a + b),
+                "literal_angle_deg": lambda a, b: 30.0 + 20.0 * (a - b),
+            }
+        ),
+    )
+    assert [p.label for p in said.parameters] == ["identified", "identified"]
+    assert not [text for text in sentences(said) if "combination" in text]
+
+
+def test_a_silent_variable_is_not_identified_among_three() -> None:
+    spec = study(response("angle_deg", 30.0, 0.5), dimension=3)
+    history = grid_history({"angle_deg": lambda a, b, _c: 20.0 + 10.0 * a + 10.0 * b}, 3, 4)
+    assert found(spec, history).parameters[2].label == "not identified"
+
+
+def test_share_within_two_sigma_is_the_strip_that_the_target_leaves() -> None:
+    """angle = 20 + 20 u_1, 2 sigma = 2 hypot(tau, s) to both sides: 4 sigma of 20 degrees, less the P(ok) that
+    36 sound runs leave open."""
+    spec = study(response("angle_deg", 30.0, 0.5))
+    said = found(spec, grid_history({"angle_deg": lambda a, _b: 20.0 + 20.0 * a}))
+    tau = target_sd(spec.responses[0])
+    assert tau == pytest.approx(math.hypot(0.5, 0.1))
+    assert 0.95 * 4 * tau / 20.0 < said.share_within_2_sigma < 4 * math.hypot(tau, 0.4) / 20.0
+
+
+def test_without_an_uncertainty_the_window_speaks() -> None:
+    alone = Response("angle_deg", 30.0, (28.0, 32.0), 0.5)
+    assert target_sd(alone) == pytest.approx(math.hypot(1.0, 0.25))
+
+
+def test_where_runs_crash_the_posterior_thins_out() -> None:
+    """The response does not depend on the second variable, but every run above .5 of it crashed."""
+    spec = study(response("angle_deg", 30.0, 1.0))
+    history = grid_history({"angle_deg": lambda a, _b: 20.0 + 20.0 * a})
+    crashed = History(
+        tuple(
+            Design(d.number, d.x, d.seed, None if d.x[1] > 0.5 else d.results, d.origin)
+            for d in history.finished
+        )
+    )
+    second = found(spec, crashed).parameters[1]
+    assert second.mean < 0.35
+    assert second.upper_90 < 0.65
+
+
+def test_another_unit_makes_no_difference() -> None:
+    """The same numbers as kg of a mass and as thousandths of it: intervals of the parameters stay."""
+    says = []
+    for factor in (1.0, 1e-3):
+        spec = study(response("mass_on_base_kg", 30.0 * factor, 1.0 * factor, 0.2 * factor))
+        history = grid_history({"mass_on_base_kg": lambda a, _b, f=factor: f * (20.0 + 20.0 * a)})
+        says.append(found(spec, history).parameters[0])
+    assert says[0].mean == pytest.approx(says[1].mean, abs=1e-3)
+    assert says[0].sd == pytest.approx(says[1].sd, rel=1e-2)
+
+
+def test_moments_of_a_sample_are_those_of_its_weights() -> None:
+    spec = study(response("angle_deg", 30.0, 1.0))
+    known = known_of(spec, grid_history({"angle_deg": lambda a, _b: 20.0 + 20.0 * a}))
+    assert known is not None
+    sample = draw(known, 4096)
+    even = sample._replace(w=np.full(4096, 1 / 4096))
+    said = describe(spec.space, even)
+    assert said.effective_points == pytest.approx(4096)
+    assert [p.sd_ratio for p in said.parameters] == pytest.approx([1.0, 1.0], abs=0.01)
 
 
 def test_labels_at_their_limits() -> None:
@@ -55,17 +186,7 @@ def test_weighted_interval_of_a_uniform_sample() -> None:
     assert (lower, upper) == (pytest.approx(0.05, abs=0.002), pytest.approx(0.95, abs=0.002))
 
 
-def test_sensitivity_of_a_response_that_one_variable_decides() -> None:
-    found = sensitivity(SPEC, linear_history())
-    assert found is not None
-    first, second = found
-    assert first.variance_share == pytest.approx(1.0, abs=0.05)
-    assert second.variance_share < 0.02
-    assert first.rank_correlation > 0.98
-    assert first.swing_deg == pytest.approx(20.0 * 10 / 11, abs=0.5)
-    assert abs(second.swing_deg) < 0.5
-
-
-def test_nothing_is_known_before_an_angle() -> None:
-    assert posterior(SPEC, History()) is None
-    assert sensitivity(SPEC, History()) is None
+@pytest.mark.parametrize("values", [[], [30.0, 31.0], [30.0, 30.0, 30.0]])
+def test_nothing_is_known_before_three_different_values(values: list[float]) -> None:
+    designs = tuple(Design(i, (0.1 * i, 0.5), i, {"angle_deg": v}, "doe") for i, v in enumerate(values))
+    assert posterior(study(response("angle_deg", 30.0, 1.0)), History(designs), 256) is None
