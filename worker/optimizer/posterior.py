@@ -7,10 +7,9 @@ Notation (k Sobol points of the box, d variables, responses r)
     chi     |t - m| / sqrt(s^2 + tau^2), the distance from the target in sigma             (k,)
     w       P(ok) prod_r exp(-chi_r^2 / 2) / sqrt(s_r^2 + tau_r^2), summing to 1           (k,)
 
-Measurement is the lab's sd, or where none is given a quarter of the window (a window is read as t +- 2 sd).
-Discrepancy is what a model of spheres may be off: half the tolerance, the miss that the study accepts read as
-2 sd. The prior is uniform over the box, so the weights are the posterior. A parameter is identified when its
-posterior sd is small against the prior's, (upper - lower) / sqrt(12).
+Measurement is the lab's sd. Discrepancy is what a model of spheres may be off and still do: a quarter of the
+window, which is read as t +- 2 sd. The prior is uniform over the box, so the weights are the posterior. A parameter
+is identified when its posterior sd is small against the prior's, (upper - lower) / sqrt(12).
 """
 
 from __future__ import annotations
@@ -112,8 +111,7 @@ class Posterior:
 def target_sd(response: Response) -> float:
     """tau: what lab and model leave open, in the response's unit."""
     lower, upper = response.window
-    measurement = response.uncertainty if response.uncertainty > 0.0 else 0.25 * (upper - lower)
-    return math.hypot(measurement, 0.5 * response.tolerance)
+    return math.hypot(response.uncertainty, 0.25 * (upper - lower))
 
 
 def beliefs(spec: StudySpec, history: History) -> Beliefs | None:

@@ -17,7 +17,7 @@ from worker.optimizer.report import sentences
 
 
 def response(observable: str, target: float, uncertainty: float, tolerance: float = 0.2) -> Response:
-    window = (target - 4.0 * uncertainty, target + 4.0 * uncertainty)
+    window = (target - uncertainty, target + uncertainty)
     return Response(observable, target, window, tolerance, uncertainty)
 
 
@@ -130,13 +130,13 @@ def test_share_within_two_sigma_is_the_strip_that_the_target_leaves() -> None:
     spec = study(response("angle_deg", 30.0, 0.5))
     said = found(spec, grid_history({"angle_deg": lambda a, _b: 20.0 + 20.0 * a}))
     tau = target_sd(spec.responses[0])
-    assert tau == pytest.approx(math.hypot(0.5, 0.1))
+    assert tau == pytest.approx(math.hypot(0.5, 0.25))
     assert 0.95 * 4 * tau / 20.0 < said.share_within_2_sigma < 4 * math.hypot(tau, 0.4) / 20.0
 
 
 def test_without_an_uncertainty_the_window_speaks() -> None:
     alone = Response("angle_deg", 30.0, (28.0, 32.0), 0.5)
-    assert target_sd(alone) == pytest.approx(math.hypot(1.0, 0.25))
+    assert target_sd(alone) == pytest.approx(1.0)
 
 
 def test_where_runs_crash_the_posterior_thins_out() -> None:
