@@ -63,7 +63,12 @@ def test_a_materials_name_is_enough(client: TestClient) -> None:
 
 @pytest.mark.parametrize(
     ("material", "target", "window"),
-    [("coke", 36.5, [35.0, 38.0]), ("sinter", 31.0, [29.0, 33.0]), ("pellet", 25.5, [25.0, 26.0])],
+    [
+        ("coke", 36.5, [35.0, 38.0]),
+        ("sinter", 31.0, [29.0, 33.0]),
+        ("pellet", 25.5, [25.0, 26.0]),
+        ("sinter65_pellet35", 29.075, [27.6, 30.55]),
+    ],
 )
 def test_the_papers_targets_are_the_defaults(
     client: TestClient, material: str, target: float, window: list[float]
@@ -261,7 +266,9 @@ def test_a_method_that_is_not_offered(client: TestClient) -> None:
 
 def test_materials_and_rigs(client: TestClient) -> None:
     materials = client.get("/v1/materials").json()["items"]
-    assert [material["name"] for material in materials] == ["coke", "sinter", "pellet"]
+    names = ["coke", "sinter", "pellet", "sinter65_pellet35"]
+    assert [material["name"] for material in materials] == names
+    assert [rig["name"] for rig in client.get("/v1/rigs").json()["items"]] == names
     pellet = client.get("/v1/materials/pellet").json()
     assert pellet == materials[2]
     assert pellet["bulk_density_kg_m3"] == 2088.0

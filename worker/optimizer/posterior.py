@@ -8,8 +8,8 @@ Notation (k Sobol points of the box, d variables, responses r)
     w       P(ok) prod_r exp(-chi_r^2 / 2) / sqrt(s_r^2 + tau_r^2), summing to 1           (k,)
 
 Measurement is the lab's sd. Discrepancy is what a model of spheres may be off and still do: a quarter of the
-window, which is read as t +- 2 sd. The prior is uniform over the box, so the weights are the posterior. A parameter
-is identified when its posterior sd is small against the prior's, (upper - lower) / sqrt(12).
+window, which is read as t +- 2 sd. The prior is uniform over the box, so the weights are the posterior.
+A parameter is identified when its posterior sd is small against the prior's, (upper - lower) / sqrt(12).
 """
 
 from __future__ import annotations
