@@ -2,10 +2,10 @@
 
 Notation (L levels, d variables, q points of the other variables)
     f(u)      emulator mean over the box, inputs uniform
-    S_j, T_j  first-order and total Sobol index of variable j (Saltelli 2010, through SALib)
+    S_j, T_j  first-order and total Sobol index of variable j (Saltelli 2010, through SciPy)
     M_j(l)    main effect: average of f with u_j held at level l, the others over the box            (L,)
     rho_j     Spearman's rank correlation of the designs' values with the response
-Errors: of S and T, SALib's bootstrap over the points (90 %) and the emulator's own, by a delete-a-group jackknife
+Errors: of S and T, SciPy's bootstrap over the points (90 %) and the emulator's own, by a delete-a-group jackknife
 over the designs (Shao and Wu 1989: sqrt((g - 1)/g sum (S_i - mean)^2) for g groups), both half-widths at 90 %.
 Bands of main effects and slices are the inflated sd of the emulator. With few designs a weak parameter's effect
 may be nothing but the emulator's prior: that is what the second error shows.
@@ -16,11 +16,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import spearmanr
+from scipy.stats import sobol_indices as sobol_indices_of
+from scipy.stats import spearmanr, uniform
 
 from service.domain.search_space import SearchSpace, Variable
 from service.domain.study import StudySpec
-from worker.optimizer.design import FloatArray, X, sobol
+from worker.optimizer.design import FloatArray, X, generator, sobol
 from worker.optimizer.emulator import Emulator, emulators
 from worker.optimizer.history import History
 
@@ -106,25 +107,37 @@ def sobol_indices(
     emulator: Emulator, space: SearchSpace, base: int, seed: int, resamples: int = 100
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """S, T and their bootstrap half-widths at 90 %, each (d,); `base` is a power of two."""
-    # pandas comes with it: only a report pays for that.
-    from SALib.analyze import sobol as analyze
-    from SALib.sample import sobol as saltelli
-
-    problem = {
-        "num_vars": space.dimension,
-        "names": list(space.names),
-        "bounds": [[0.0, 1.0]] * space.dimension,
-    }
-    if space.dimension == 1:
+    d = space.dimension
+    if d == 1:
         return np.ones(1), np.ones(1), np.zeros(1), np.zeros(1)
-    points = saltelli.sample(problem, base, calc_second_order=False, seed=seed)
-    values = emulator.mean(points)
-    if float(np.ptp(values)) <= 1e-12 * max(1.0, float(np.abs(values).max())):
-        return (np.zeros(space.dimension),) * 4
-    found = analyze.analyze(
-        problem, values, calc_second_order=False, num_resamples=resamples, conf_level=0.9, seed=seed
-    )
-    return found["S1"], found["ST"], found["S1_conf"], found["ST_conf"]
+
+    middle = float(emulator.mean(np.full((1, d), 0.5))[0])
+
+    calls: list[FloatArray] = []
+
+    def values(points: FloatArray) -> FloatArray:
+        """(1, n) at points (d, n), less the middle's; what is rounding error of a constant is made 0."""
+        found = emulator.mean(points.T) - middle
+        calls.append(np.where(np.abs(found) > 1e-9 * max(abs(middle), 1e-9), found, 0.0)[None, :])
+        return calls[-1].copy()
+
+    found = sobol_indices_of(func=values, n=base, dists=[uniform()] * d, rng=generator(_STREAM, seed))
+    first, total = np.ravel(found.first_order), np.ravel(found.total_order)
+    if not resamples or not np.any(total):
+        return first, total, np.zeros(d), np.zeros(d)
+    # Not by the result's own `bootstrap`, whose random numbers have no seed.
+    f_a, f_b, f_ab = calls[0], calls[1], np.moveaxis(calls[2].reshape(1, base, d), -1, 0)
+    draws = generator(_STREAM, seed, 1).integers(base, size=(resamples, base))
+    again = [
+        sobol_indices_of(func={"f_A": f_a[:, k], "f_B": f_b[:, k], "f_AB": f_ab[:, :, k]}, n=base)
+        for k in draws
+    ]
+    half = [
+        0.5
+        * np.ptp(np.quantile([np.ravel(getattr(one, name)) for one in again], [0.05, 0.95], axis=0), axis=0)
+        for name in ("first_order", "total_order")
+    ]
+    return first, total, half[0], half[1]
 
 
 def _jackknife(emulator: Emulator, space: SearchSpace, seed: int) -> tuple[FloatArray, FloatArray]:
@@ -134,7 +147,7 @@ def _jackknife(emulator: Emulator, space: SearchSpace, seed: int) -> tuple[Float
         unknown = np.full(space.dimension, np.nan)
         return unknown, unknown
     rows = [
-        sobol_indices(emulator.without(range(k, designs, GROUPS)), space, JACKKNIFE_BASE, seed, resamples=2)[
+        sobol_indices(emulator.without(range(k, designs, GROUPS)), space, JACKKNIFE_BASE, seed, resamples=0)[
             :2
         ]
         for k in range(GROUPS)
