@@ -25,11 +25,13 @@ from service.studies.record_failure import record_failure
 from service.studies.record_measurement import record_measurement
 from service.studies.record_proposal import record_proposal
 from service.studies.record_recommendation import record_recommendation
+from service.studies.record_report import record_report
 from worker import evaluate, installation, optimize, process
 from worker.app import app
 from worker.process import Attempt, StopReason
 from worker.recovery import classify, persist, retry_of
 from worker.stopwatch import Stopwatch
+from worker.study_report import report_of
 
 log = structlog.get_logger(__name__)
 
@@ -98,10 +100,19 @@ def recommend(claim: Claim, _attempt: Attempt, watch: Stopwatch) -> Write:
     return partial(record_recommendation, lease=claim.lease, recommendation=found, cost=watch.cost())
 
 
+def report(claim: Claim, _attempt: Attempt, watch: Stopwatch) -> Write:
+    """What a study says by now."""
+    assert claim.history is not None
+    content = report_of(claim.history)
+    finished = len(claim.history.finished)
+    return partial(record_report, lease=claim.lease, designs=finished, content=content, cost=watch.cost())
+
+
 WORK: dict[JobKind, Callable[[Claim, Attempt, Stopwatch], Write]] = {
     JobKind.SIMULATE: simulate,
     JobKind.PROPOSE: propose,
     JobKind.RECOMMEND: recommend,
+    JobKind.REPORT: report,
 }
 
 

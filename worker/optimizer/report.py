@@ -46,7 +46,8 @@ from worker.optimizer.posterior import (
 from worker.optimizer.sensitivity import Effect, Slice, effects, slice_along, slice_over
 
 VERSION = 1
-MEMBERS = 5
+# Sets in a report; the first n of them are the ensemble of n.
+MEMBERS = 20
 ASSUMED = (
     "The lab repeats the test on this rig at this fill level; the sd of its value is lab_sd, for tests of the "
     "pile the scatter between simulated runs. Emulator errors count as independent. Other fill levels, rigs or "

@@ -84,6 +84,9 @@ def test_an_ensemble_comes_back_from_its_seed(fitted: tuple[Beliefs, Sample]) ->
     best = Optimum((0.5, 0.5), 1.0, None, None, 1)
     again = ensemble(found, sample, best, 4)
     assert ensemble(found, sample, best, 4) == again
+    assert ensemble(found, sample, best, 8).members[3].x == again.members[3].x, (
+        "the first n are the ensemble of n"
+    )
     other = study(Response("angle_deg", 30.0, (25.0, 35.0), 0.5))
     reseeded = StudySpec(other.material, other.scale, other.space, other.responses, seed=2)
     assert ensemble(*known(reseeded), best, 4).members != again.members

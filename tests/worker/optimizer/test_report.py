@@ -12,7 +12,7 @@ from service.domain.search_space import default_space
 from service.domain.study import Response, StudySpec
 from worker.optimizer.design import sobol
 from worker.optimizer.history import Design, History
-from worker.optimizer.report import VERSION, study_report
+from worker.optimizer.report import MEMBERS, VERSION, study_report
 from worker.optimizer.synthetic import crash_probability, true_angle
 
 SPEC = StudySpec("coke", 2.0, default_space(), (Response("angle_deg", 36.5, (35.0, 38.0), 0.5),))
@@ -47,7 +47,7 @@ def test_a_report_is_whole_and_plain() -> None:
     assert [p["name"] for p in report["posterior"]["parameters"]] == names
     assert len(report["posterior"]["text"]) >= len(names)
     assert set(report["optimum"]["x"]) == set(names)
-    assert len(report["ensemble"]["members"]) == 5
+    assert len(report["ensemble"]["members"]) == MEMBERS
     assert [e["name"] for e in report["sensitivity"]["angle_deg"]] == names
     assert [s["names"] for s in report["slices"]["along"]] == [[n] for n in names]
     over = report["slices"]["over"]
