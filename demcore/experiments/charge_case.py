@@ -19,7 +19,7 @@ from demcore.allowed import choice, natural, not_negative, positive, within
 from demcore.case import Case, Numerics
 from demcore.charge import Feed
 from demcore.errors import InputError
-from demcore.experiments.pile_case import STEEL, ContactParameters, interactions
+from demcore.experiments.contact_parameters import STEEL, ContactParameters, interactions
 from demcore.interaction import Interactions, Stiffness, Surface
 from demcore.material import Material, MixPart, check_mix, cut_off, load_material
 from demcore.plant.checks import check_mass, check_plant, feed_inlet
