@@ -19,13 +19,19 @@ from service.db import read_models
 from service.db.migrate import upgrade
 from service.db.models import JobRow, ProcessRow
 from service.db.session import Database
+from service.domain.search_space import default_space
 from service.domain.states import JobKind, JobState, StudyState
 from service.settings import Settings
+from service.studies.add_design import add_design
+from service.studies.extend_budget import extend_budget
+from service.studies.pause_study import pause_study
+from service.studies.resume_study import resume_study
 from tests.builders.studies import a_study, designs, open_jobs, study
 from tests.builders.work import GATE, InProcessWorker
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {"budget": 3, "initial_designs": 3, "parallel": 1}
+BY_HAND = dict(zip(default_space().names, (0.5, 0.4, 0.3, 0.2), strict=True))
 
 
 class Installation:
@@ -114,14 +120,32 @@ def installation(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Installat
     found.database.dispose()
 
 
+def use_controls(database: Database, study_id: int) -> None:
+    """While design 1 is under way: a design by hand becomes number 2, and one more simulation is paid for."""
+    with database.writing() as session:
+        assert pause_study(session, study_id)
+        assert add_design(session, study_id, BY_HAND)
+        assert extend_budget(session, study_id, 4)
+        assert resume_study(session, study_id)
+
+
+def course(database: Database, study_id: int) -> list[tuple[object, ...]]:
+    """What a study has come to, without what its hours say."""
+    return [(d.number, d.x, d.seed, d.origin, d.angle_deg) for d in designs(database, study_id)]
+
+
 def test_a_killed_simulation_is_taken_over_and_a_stopped_worker_gives_its_job_back(
     installation: Installation, worker: InProcessWorker
 ) -> None:
-    """One long test, because a worker takes seconds to start."""
+    """One long test, because a worker takes seconds to start. The worker dies in a study that its user pauses,
+    gives a design and more budget meanwhile; the study ends as one does in which nothing died."""
     expected_id = a_study(worker.database, **SMALL)
+    worker.perform(worker.queued()[0])
+    use_controls(worker.database, expected_id)
     worker.work_off()
-    expected = [(d.number, d.x, d.seed, d.angle_deg) for d in designs(worker.database, expected_id)]
-    assert len(expected) == 3
+    expected = course(worker.database, expected_id)
+    assert [(row[0], row[3]) for row in expected] == [(1, "doe"), (2, "manual"), (3, "doe"), (4, "model")]
+    undisturbed = study(worker.database, expected_id)
 
     database, gate = installation.database, installation.settings.data_dir / GATE
     study_id = a_study(database, **SMALL)
@@ -142,9 +166,22 @@ def test_a_killed_simulation_is_taken_over_and_a_stopped_worker_gives_its_job_ba
         )
         assert found[0][0] == job_id
         assert installation.exit_classes(job_id) == ["lost", None]
+        use_controls(database, study_id)
         gate.touch()
         installation.wait_for("the study's end", lambda: study(database, study_id).state.value == "completed")
-        assert [(d.number, d.x, d.seed, d.angle_deg) for d in designs(database, study_id)] == expected
+        assert course(database, study_id) == expected
+        ended = study(database, study_id)
+        for name in (
+            "feasible",
+            "unfeasible",
+            "error",
+            "budget",
+            "stop_reason",
+            "stop_numbers",
+            "recommendation",
+        ):
+            assert getattr(ended, name) == getattr(undisturbed, name), name
+        assert ended.feasible + ended.unfeasible + ended.error == 4
 
         gate.unlink()
         study_id = a_study(database, **SMALL)

@@ -18,6 +18,7 @@ from service.settings import Settings
 from service.studies.cancel_job import cancel_job
 from service.studies.claim_job import Claim
 from service.studies.reap_job import reap_job
+from service.studies.resume_study import resume_study
 from tests.builders.studies import (
     a_measurement,
     a_simulate_job,
@@ -230,3 +231,25 @@ def test_the_checkpoint_of_a_job_that_is_over_is_removed(worker: InProcessWorker
     assert path.exists(), "the job is queued again"
     worker.perform(job_id)
     assert list(path.parent.iterdir()) == [other]
+
+
+def test_a_study_that_crashes_everywhere_pauses_with_its_reason_and_goes_on_when_resumed(
+    worker: InProcessWorker,
+) -> None:
+    """Five failures pause it; after its user resumes it takes five more before it pauses again."""
+
+    def no_pile(*_: object) -> PileMeasurement:
+        raise NoResult("nothing lies on the base")
+
+    worker.evaluate_by(no_pile)
+    study_id = a_study(worker.database, parallel=1, budget=30)
+    worker.work_off()
+    paused = study(worker.database, study_id)
+    assert (paused.state, paused.pause_reason, paused.error) == (StudyState.PAUSED, "too_many_failures", 5)
+    assert "5 of 5 simulations ended in error" in str(paused.pause_text)
+    with worker.database.writing() as session:
+        resume_study(session, study_id)
+    worker.work_off()
+    paused = study(worker.database, study_id)
+    assert (paused.state, paused.error, paused.failures_forgiven) == (StudyState.PAUSED, 10, 5)
+    assert [design.number for design in designs(worker.database, study_id)] == list(range(1, 11))
