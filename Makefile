@@ -4,6 +4,7 @@
 #
 #   make demo [MATERIAL=pellet] [SCALE=1.7] [BUDGET=16] [SEED=1] calibrate a material, live in the terminal
 #   make serve                                                   start the service and stay
+#   make compare-workers [BUDGET=6]                              two workers of one thread against one of two
 #   make test | slow | lint                                      the tests, the long tests, the linters
 #   make setup | dev                                             only the environment: to run, to develop
 #   make lock                                                    bring both lock files up to date
@@ -29,7 +30,7 @@ BUDGET ?=
 SEED ?=
 TESTS ?=
 
-.PHONY: help setup dev demo serve test slow lint lock clean
+.PHONY: help setup dev demo compare-workers serve test slow lint lock clean
 
 help:
 	@sed -n 's/^#  *make/make/p' Makefile
@@ -47,6 +48,10 @@ dev: $(DEV)
 demo: $(READY)
 	@$(BIN)/talus demo --material "$(MATERIAL)" \
 	  $(if $(SCALE),--scale "$(SCALE)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(SEED),--seed "$(SEED)")
+
+compare-workers: $(READY)
+	@$(BIN)/python -m service.client.worker_comparison $(if $(BUDGET),--budget "$(BUDGET)") \
+	  $(if $(SCALE),--scale "$(SCALE)") $(if $(SEED),--seed "$(SEED)")
 
 serve: $(READY)
 	@exec $(BIN)/talus serve

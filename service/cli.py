@@ -73,10 +73,10 @@ def migrate() -> None:
 @click.option("--name", default="worker", show_default=True, help="its name in Celery's and the log's lines")
 def worker(name: str) -> None:
     """Run one worker process here, for the service that TALUS_DATABASE_URL and TALUS_BROKER_URL name."""
-    from service.processes import SINGLE_THREADED, ProcessSpec, environment, worker_command
+    from service.processes import environment, worker_process
 
     settings = get_settings()
-    spec = ProcessSpec(name, worker_command(name, settings), SINGLE_THREADED)
+    spec = worker_process(name, settings)
     os.execve(spec.command[0], spec.command, environment(settings, spec))
 
 

@@ -18,8 +18,9 @@ from service.settings import Settings
 # An open event stream would keep uvicorn alive for ever; after this many seconds it is cut.
 STREAM_GRACE_SECONDS = 3
 
+THREAD_VARIABLES = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 # Kernels run on one thread per worker process, so that `workers` says how many cores are used.
-SINGLE_THREADED = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+SINGLE_THREADED = dict.fromkeys(THREAD_VARIABLES, "1")
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,12 @@ def worker_command(name: str, settings: Settings) -> tuple[str, ...]:
     )
 
 
+def worker_process(name: str, settings: Settings) -> ProcessSpec:
+    """One worker; its libraries start as many threads as its simulations are given."""
+    threads = dict.fromkeys(THREAD_VARIABLES, str(settings.threads))
+    return ProcessSpec(name, worker_command(name, settings), threads)
+
+
 def broker_process(settings: Settings) -> ProcessSpec:
     return ProcessSpec("broker", tuple(server_command(settings)))
 
@@ -65,10 +72,7 @@ def long_running(settings: Settings) -> tuple[ProcessSpec, ...]:
     return (
         ProcessSpec("api", api_command(settings)),
         ProcessSpec("dispatcher", dispatcher_command()),
-        *(
-            ProcessSpec(f"worker-{n}", worker_command(f"worker-{n}", settings), SINGLE_THREADED)
-            for n in range(1, settings.workers + 1)
-        ),
+        *(worker_process(f"worker-{n}", settings) for n in range(1, settings.workers + 1)),
     )
 
 
@@ -81,6 +85,7 @@ def environment(settings: Settings, spec: ProcessSpec) -> dict[str, str]:
         "TALUS_LEASE_SECONDS": str(settings.lease_seconds),
         "TALUS_CHECKPOINT_SECONDS": str(settings.checkpoint_seconds),
         "TALUS_MAX_BODY_BYTES": str(settings.max_body_bytes),
+        "TALUS_THREADS": str(settings.threads),
         "TALUS_MAX_IMPORT_BYTES": str(settings.max_import_bytes),
         "TALUS_LOG_LEVEL": settings.log_level,
         "TALUS_DATABASE_URL": settings.resolved_database_url,

@@ -43,6 +43,10 @@ class Settings(BaseSettings):
     lease_seconds: Annotated[float, Field(ge=1.0, le=600.0)] = 10.0
     checkpoint_seconds: Annotated[float, Field(ge=1.0, le=3600.0)] = 30.0
     workers: Annotated[int, Field(ge=0, le=256, description="worker processes that `talus serve` starts")] = 2
+    threads: Annotated[
+        int,
+        Field(ge=1, le=256, description="of each worker; one each is fastest while all cores have a worker"),
+    ] = 1
     max_body_bytes: Annotated[int, Field(ge=1_000, le=1_000_000_000)] = 1_000_000
     max_import_bytes: Annotated[int, Field(ge=1_000, le=1_000_000_000)] = 50_000_000
     log_level: Literal["debug", "info", "warning", "error"] = "info"

@@ -42,6 +42,7 @@ def evaluate(claim: Claim, report: Report, settings: Settings) -> PileMeasuremen
         on_progress=lambda progress: report(as_progress(progress)),
         checkpoint_path=checkpoint,
         checkpoint_seconds=settings.checkpoint_seconds,
+        threads=settings.threads,
     )
     return PileMeasurement(
         angle_deg=float(result.angle_deg),
