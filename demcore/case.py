@@ -8,6 +8,7 @@ from functools import cached_property
 
 from demcore.allowed import Triple, choice, natural, not_negative, positive, vector, within
 from demcore.charge import Feed, Fill
+from demcore.dormancy import Dormancy
 from demcore.errors import InputError
 from demcore.geometry.walls import Wall
 from demcore.interaction import (
@@ -27,6 +28,7 @@ from demcore.time_step import PRESETS, RAYLEIGH_SHARE, Body, hertz_time_step, pa
 __all__ = [
     "CONTACT_MODELS",
     "Case",
+    "Dormancy",
     "Interaction",
     "MaterialTable",
     "Numerics",
@@ -99,6 +101,7 @@ class Case:
     duration        simulated time at which the run ends at the latest
     domain          particles that leave it are deleted and logged; None: everywhere
     rest            the run ends early when all has come and lies still; None: never early
+    dormancy        particles that provably do nothing are held and not computed; None: all are, always
     time_step       None: the largest that is stable for the stiffest, lightest pair; above it is refused
     seed            of every random choice, beside each fill's and feed's own
     """
@@ -111,6 +114,7 @@ class Case:
     feeds: tuple[Feed, ...] = ()
     domain: Box | None = None
     rest: RestCriterion | None = field(default_factory=RestCriterion)
+    dormancy: Dormancy | None = None
     contact_model: str = "paper"
     numerics: Numerics = field(default_factory=Numerics)
     gravity: Triple = STANDARD_GRAVITY
@@ -132,6 +136,9 @@ class Case:
             raise InputError("fills", self.fills, "a fill or a feed: there is nothing to simulate")
         if self.rest is not None and not any(self.gravity):
             raise InputError("rest", self.rest, "None without gravity: rest is measured against sqrt(g d)")
+        if self.dormancy is not None and not any(self.gravity):
+            allowed = "None without gravity: forces are measured against the weight"
+            raise InputError("dormancy", self.dormancy, allowed)
         self._check_names(names)
         self._check_room()
         self.table()

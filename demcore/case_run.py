@@ -156,6 +156,7 @@ class CaseRun:
             skin=SKIN * case.smallest_radius,
             wall_names=tuple(wall.name for wall in case.walls),
             may_squeeze=case.numerics.may_squeeze,
+            dormancy=case.dormancy,
         )
         self.feeders = [
             Feeder(feed, case.grains, case.rows, case.duration, (case.seed, FEEDS, k))

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from demcore.contact.laws import field_wrench
-from demcore.contact.model import Body, ContactModel, Vec3
+from demcore.contact.model import Body, ContactModel, FieldWrench, Vec3
+from demcore.dormant import AWAKE, DORMANT, FALLING, FORCE, SPEED, WAKE, Dormant
 from demcore.forces import Neighbours, slab_forces
 from demcore.geometry.motion import place_walls
 from demcore.geometry.wall_rows import Walls
@@ -58,11 +59,104 @@ def move(first: int, last: int, particles: Particles, field: Any, gravity: Float
     return math.sqrt(fastest) * dt if finite else np.nan
 
 
+@leaf
+def hold(i: int, particles: Particles, dormant: Dormant, push: FieldWrench, gravity: Floats) -> bool:
+    """Judge particle i, which is held: False when the force on it, which is forgotten, wakes it."""
+    force, frozen, held = particles.force, dormant.frozen, dormant.held
+    r, m = particles.state[i, 3], particles.state[i, 7]
+    falling = dormant.state[i] == FALLING
+    pulled = twisted = 0.0
+    for c in range(3):
+        f, t = force[i, c] + frozen[i, c], force[i, 3 + c] + frozen[i, 3 + c]
+        if falling:
+            held[i, c], held[i, 3 + c] = f, t
+            f, t = f + push.force[c] + m * gravity[c], t + push.torque[c]
+        else:
+            f, t = f - held[i, c], t - held[i, 3 + c]
+        pulled, twisted = pulled + f * f, twisted + t * t
+        force[i, c], force[i, 3 + c] = 0.0, 0.0
+    limit = dormant.limits[FORCE if falling else WAKE] * m
+    # Not finite is not calm.
+    return bool(pulled <= limit * limit and twisted <= limit * limit * r * r)
+
+
+@kernel
+def move_watched(
+    slab: int,
+    particles: Particles,
+    lists: Neighbours,
+    dormant: Dormant,
+    field: Any,
+    gravity: Floats,
+    dt: float,
+) -> float:
+    """`move` for a slab of a run with dormancy: who is awake moves, and is watched for calm; who is not is held,
+    and judged. One that wakes moves from the next step on, when all of its contacts are computed again."""
+    state, force = particles.state, particles.force
+    mode, calm = dormant.state, dormant.calm
+    slowest, gained = dormant.limits[SPEED], dormant.limits[FORCE] * dt
+    fastest = 0.0
+    finite = True
+    woke = 0
+    for i in range(lists.slab_start[slab], lists.slab_start[slab + 1]):
+        push = field_wrench(field, body(state, i))
+        if mode[i] != AWAKE:
+            if hold(i, particles, dormant, push, gravity):
+                mode[i] = DORMANT
+            else:
+                mode[i], calm[i] = AWAKE, 0
+                woke += 1
+            continue
+        by_mass = dt / state[i, 7]
+        by_inertia = dt / state[i, 11]
+        squared = spun = pulled = twisted = 0.0
+        for c in range(3):
+            gain = (force[i, c] + push.force[c]) * by_mass + gravity[c] * dt
+            turn = (force[i, 3 + c] + push.torque[c]) * by_inertia
+            state[i, 4 + c] += gain
+            state[i, 8 + c] += turn
+            state[i, c] += state[i, 4 + c] * dt
+            squared += state[i, 4 + c] * state[i, 4 + c]
+            spun += state[i, 8 + c] * state[i, 8 + c]
+            pulled, twisted = pulled + gain * gain, twisted + turn * turn
+            force[i, c] = 0.0
+            force[i, 3 + c] = 0.0
+        fastest = max(fastest, squared)
+        # Only NaN differs from itself.
+        finite = finite and squared == squared
+        r = state[i, 3]
+        slow = squared <= slowest * r and spun * r <= slowest
+        # A torque is measured against weight times radius: T / (m r) = 0.4 r times the angular acceleration.
+        balanced = pulled <= gained * gained and 0.16 * r * r * twisted <= gained * gained
+        calm[i] = calm[i] + 1 if slow and balanced else 0
+    lists.woke[slab] += woke
+    return math.sqrt(fastest) * dt if finite else np.nan
+
+
+@kernel
+def move_slab(
+    slab: int,
+    particles: Particles,
+    lists: Neighbours,
+    dormant: Dormant,
+    field: Any,
+    gravity: Floats,
+    dt: float,
+) -> None:
+    """Move the particles of a slab, and note the longest way of one."""
+    if len(dormant.limits) > 0:
+        lists.stride[slab] = move_watched(slab, particles, lists, dormant, field, gravity, dt)
+    else:
+        first, last = lists.slab_start[slab], lists.slab_start[slab + 1]
+        lists.stride[slab] = move(first, last, particles, field, gravity, dt)
+
+
 @kernel
 def forces_of_slab(
     slab: int,
     particles: Particles,
     lists: Neighbours,
+    dormant: Dormant,
     walls: Walls,
     near: WallList,
     model: ContactModel,
@@ -70,9 +164,10 @@ def forces_of_slab(
     dt: float,
 ) -> None:
     """Pairs, then walls, of one slab."""
-    slab_forces(slab, particles, lists, model, tables, dt)
+    slab_forces(slab, particles, lists, dormant, model, tables, dt)
     first, last = lists.slab_start[slab], lists.slab_start[slab + 1]
-    wall_forces(first, last, particles, walls, near, model, tables, dt)
+    fresh = lists.fresh[0] > 0
+    wall_forces(first, last, particles, dormant, fresh, walls, near, model, tables, dt)
 
 
 @kernel
@@ -80,6 +175,7 @@ def finish_slabs(
     turn: int,
     particles: Particles,
     lists: Neighbours,
+    dormant: Dormant,
     walls: Walls,
     near: WallList,
     model: ContactModel,
@@ -92,12 +188,11 @@ def finish_slabs(
     By then all even slabs have their own forces, so both have all of theirs and nobody needs their old positions.
     """
     odd, even = 2 * turn - 1, 2 * turn
-    slabs = lists.slab_start
     if odd >= 0:
-        forces_of_slab(odd, particles, lists, walls, near, model, tables, dt)
-        lists.stride[odd] = move(slabs[odd], slabs[odd + 1], particles, model.field, gravity, dt)
-    if even < len(slabs) - 1:
-        lists.stride[even] = move(slabs[even], slabs[even + 1], particles, model.field, gravity, dt)
+        forces_of_slab(odd, particles, lists, dormant, walls, near, model, tables, dt)
+        move_slab(odd, particles, lists, dormant, model.field, gravity, dt)
+    if even < len(lists.slab_start) - 1:
+        move_slab(even, particles, lists, dormant, model.field, gravity, dt)
 
 
 @kernel
@@ -105,6 +200,7 @@ def is_stale(lists: Neighbours, skin: float) -> bool:
     """Count the ways of the last step; True when a particle may have left its neighbours' knowledge, or is lost
     (a position that is not finite), so that the search, which checks, comes next."""
     stale = False
+    lists.fresh[0] = 0
     last = len(lists.stride) - 1
     for k in range(last + 1):
         lists.travel[k] += lists.stride[k]
@@ -120,6 +216,7 @@ def advance_serial(
     steps: int,
     particles: Particles,
     lists: Neighbours,
+    dormant: Dormant,
     walls: Walls,
     near: WallList,
     normal: Any,
@@ -144,9 +241,9 @@ def advance_serial(
         # One sweep while the slabs are in the cache, in the order of sums of the threaded loop.
         for turn in range(count // 2 + 1):
             if 2 * turn < count:
-                forces_of_slab(2 * turn, particles, lists, walls, near, model, tables, dt)
+                forces_of_slab(2 * turn, particles, lists, dormant, walls, near, model, tables, dt)
             if 2 * turn - 1 < count:
-                finish_slabs(turn, particles, lists, walls, near, model, tables, gravity, dt)
+                finish_slabs(turn, particles, lists, dormant, walls, near, model, tables, gravity, dt)
         way = place_walls(walls, (first + step + 1) * dt, dt)
         if is_stale(lists, skin) or near.alarm[0] or not way <= 0.5 * skin:
             return step + 1, True
@@ -159,6 +256,7 @@ def advance_threaded(
     steps: int,
     particles: Particles,
     lists: Neighbours,
+    dormant: Dormant,
     walls: Walls,
     near: WallList,
     normal: Any,
@@ -176,10 +274,10 @@ def advance_threaded(
     for step in range(steps):
         for even in prange((count + 1) // 2):
             model = ContactModel(normal, tangential, rolling, cohesion, field)
-            forces_of_slab(2 * even, particles, lists, walls, near, model, tables, dt)
+            forces_of_slab(2 * even, particles, lists, dormant, walls, near, model, tables, dt)
         for turn in prange(count // 2 + 1):
             model = ContactModel(normal, tangential, rolling, cohesion, field)
-            finish_slabs(turn, particles, lists, walls, near, model, tables, gravity, dt)
+            finish_slabs(turn, particles, lists, dormant, walls, near, model, tables, gravity, dt)
         way = place_walls(walls, (first + step + 1) * dt, dt)
         if is_stale(lists, skin) or near.alarm[0] or not way <= 0.5 * skin:
             return step + 1, True

@@ -1,7 +1,6 @@
-"""Neighbour search: sort along slabs and a Morton curve, bin by size level, list pairs, carry their history.
+"""Neighbour search: sort along slabs and a Morton curve, list pairs within reach (grid.py), carry their history.
 
-Notation: r radius; skin extra reach, m; level l holds radii in (r_max 2^-(l+1), r_max 2^-l], so that small
-particles are searched in small cells whatever the size ratio; owner of a pair is the lower index.
+Notation: skin extra reach, m; owner of a pair is the lower index; `mode` (N,) says who is dormant (dormant.py).
 """
 
 from __future__ import annotations
@@ -12,31 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from demcore.forces import FIXED_WIDTH, LANES, Neighbours, begin_contact, history_at
-from demcore.jit import kernel, parallel_kernel, prange
+from demcore.block import FIXED_WIDTH, LANES
+from demcore.dormant import AWAKE, Dormant, is_calm
+from demcore.forces import Neighbours, begin_contact, history_at
+from demcore.grid import Grid, build_grid, find_partners
+from demcore.jit import kernel, leaf, parallel_kernel, prange
 from demcore.particles import Floats, Particles, R, X, Z
 from demcore.wrench import HISTORY_WIDTH, OVERLAP, Tables
 
 Integers = NDArray[np.int64]
 
 MOST_SLABS = 64
-CELLS_PER_PARTICLE = 8
 # One in so many near pairs may touch before the next search without calling for an early one.
 NEAR_THAT_MEET = 4
-
-
-class Grid(NamedTuple):
-    """Cells of all levels in one array. level (N,); size (L,), m; dims (L, 3); offset (L,) into start;
-    items in cell c: item[start[c]:start[c + 1]], ascending."""
-
-    level: NDArray[np.int64]
-    largest: Floats
-    size: Floats
-    dims: Integers
-    offset: Integers
-    origin: Floats
-    start: Integers
-    item: NDArray[np.int32]
 
 
 def slab_bounds(sorted_position: Floats, width: float) -> Floats:
@@ -87,98 +74,6 @@ def spatial_order(position: Floats, radius: Floats, skin: float) -> tuple[Intege
     return order, np.searchsorted(slab[order], np.arange(len(bounds) + 1))
 
 
-@kernel
-def bin_particles(state: Floats, cell_of: Integers, grid: Grid) -> None:
-    """Counting sort of the particles into the cells of their level."""
-    start = grid.start
-    for i in range(len(cell_of)):
-        level = grid.level[i]
-        cell = 0
-        for c in range(3):
-            q = int((state[i, c] - grid.origin[c]) / grid.size[level])
-            cell = cell * grid.dims[level, c] + min(max(q, 0), grid.dims[level, c] - 1)
-        cell_of[i] = grid.offset[level] + cell
-        start[cell_of[i] + 1] += 1
-    for c in range(len(start) - 1):
-        start[c + 1] += start[c]
-    fill = start[:-1].copy()
-    for i in range(len(cell_of)):
-        grid.item[fill[cell_of[i]]] = i
-        fill[cell_of[i]] += 1
-
-
-def build_grid(state: Floats, skin: float) -> Grid:
-    """Bin particles by size level; see `Grid`."""
-    radius = state[:, R]
-    largest, smallest = float(radius.max()), float(radius.min())
-    levels = int(np.floor(np.log2(largest / smallest) + 1e-9)) + 1
-    level = np.minimum(np.floor(np.log2(largest / radius) + 1e-9).astype(np.int64), levels - 1)
-    biggest: Floats = largest * 0.5 ** np.arange(levels, dtype=np.float64)
-    # The level is computed with a tolerance, so a radius may exceed its level's bound by rounding.
-    biggest *= 1.0 + 1e-6
-    size: Floats = 2.0 * biggest + skin
-    position = state[:, X : Z + 1]
-    origin = position.min(axis=0)
-    extent = position.max(axis=0) - origin
-    # Few cells when particles are spread over a large box: memory stays linear in their number.
-    most = CELLS_PER_PARTICLE * len(radius) + 4096
-    for k in range(levels):
-        while np.prod(np.floor(extent / size[k]) + 1.0) > most:
-            size[k] *= 1.26
-    dims = (np.floor(extent / size[:, None]) + 1).astype(np.int64)
-    cells = dims.prod(axis=1)
-    offset = np.concatenate([[0], np.cumsum(cells)[:-1]]).astype(np.int64)
-    start = np.zeros(int(cells.sum()) + 1, np.int64)
-    item = np.empty(len(radius), np.int32)
-    grid = Grid(level, biggest, size, dims, offset, origin, start, item)
-    bin_particles(state, np.empty(len(radius), np.int64), grid)
-    return grid
-
-
-@kernel
-def find_partners(
-    first: int, last: int, state: Floats, grid: Grid, skin: float, found: NDArray[np.int32], count: Integers
-) -> tuple[int, int]:
-    """Partners j > i within reach of particles first to last - 1, one after another into `found`.
-
-    Returns how many there are, and how many of them touch; when there are more than `found` holds, the surplus
-    was counted only.
-    """
-    total = touching = 0
-    for i in range(first, last):
-        before = total
-        x, y, z, r = state[i, 0], state[i, 1], state[i, 2], state[i, 3]
-        for level in range(len(grid.size)):
-            reach = r + grid.largest[level] + skin
-            inverse = 1.0 / grid.size[level]
-            dx, dy, dz = x - grid.origin[0], y - grid.origin[1], z - grid.origin[2]
-            nx, ny, nz = grid.dims[level, 0], grid.dims[level, 1], grid.dims[level, 2]
-            for cx in range(
-                max(0, int((dx - reach) * inverse)), min(nx - 1, int((dx + reach) * inverse)) + 1
-            ):
-                for cy in range(
-                    max(0, int((dy - reach) * inverse)), min(ny - 1, int((dy + reach) * inverse)) + 1
-                ):
-                    row = grid.offset[level] + (cx * ny + cy) * nz
-                    z0 = max(0, int((dz - reach) * inverse))
-                    z1 = min(nz - 1, int((dz + reach) * inverse))
-                    # Cells along z lie side by side: one run of items.
-                    for q in range(grid.start[row + z0], grid.start[row + z1 + 1]):
-                        j = grid.item[q]
-                        if j <= i:
-                            continue
-                        ax, ay, az = x - state[j, 0], y - state[j, 1], z - state[j, 2]
-                        squared = ax * ax + ay * ay + az * az
-                        limit = r + state[j, 3]
-                        if squared < (limit + skin) * (limit + skin):
-                            if total < len(found):
-                                found[total] = j
-                            total += 1
-                            touching += 1 if squared < limit * limit else 0
-        count[i] = total - before
-    return total, touching
-
-
 class Carried(NamedTuple):
     """The contacts of an old list by owner, so that the list itself can go: those of owner i are
     start[i]:start[i + 1] of partner (C,) and history (C, HISTORY_WIDTH)."""
@@ -188,13 +83,25 @@ class Carried(NamedTuple):
     history: Floats
 
 
+@leaf
+def slots_of(lists: Neighbours, k: int) -> tuple[int, int]:
+    """First slot and one behind the last of the contacts of slab k // 2: of the still ones for an odd k."""
+    slab = k // 2
+    if k % 2 == 1:
+        first = lists.still_start[slab] * LANES
+        return first, first + lists.still[slab]
+    first = lists.block_start[slab] * LANES
+    return first, first + lists.used[slab]
+
+
 @kernel
 def carry(lists: Neighbours) -> Carried:
     """Counting sort of the closed contacts by owner."""
     start = np.zeros(lists.slab_start[-1] + 1, np.int64)
-    for k in range(len(lists.used)):
-        first = lists.block_start[k] * LANES
-        for s in range(first, first + lists.used[k]):
+    runs = 2 * len(lists.used)
+    for k in range(runs):
+        first, last = slots_of(lists, k)
+        for s in range(first, last):
             if lists.history[history_at(s, OVERLAP)] > 0.0:
                 start[lists.owner[s] + 1] += 1
     for i in range(len(start) - 1):
@@ -202,9 +109,9 @@ def carry(lists: Neighbours) -> Carried:
     fill = start[:-1].copy()
     partner = np.empty(start[-1], np.int32)
     history = np.empty((start[-1], HISTORY_WIDTH))
-    for k in range(len(lists.used)):
-        first = lists.block_start[k] * LANES
-        for s in range(first, first + lists.used[k]):
+    for k in range(runs):
+        first, last = slots_of(lists, k)
+        for s in range(first, last):
             if lists.history[history_at(s, OVERLAP)] > 0.0:
                 q = fill[lists.owner[s]]
                 fill[lists.owner[s]] += 1
@@ -240,14 +147,16 @@ def fill_slab(
     found: NDArray[np.int32],
     count: Integers,
     particles: Particles,
+    mode: NDArray[np.uint8],
     order: Integers,
     carried: Carried,
     new: Neighbours,
     tables: Tables,
 ) -> None:
-    """Sort the pairs of slab k into contacts, with their histories, and near pairs."""
+    """Sort the pairs of slab k into contacts, with their histories, the still ones apart, and near pairs."""
     state = particles.state
     slot, near, q = new.block_start[k] * LANES, new.near_start[k], 0
+    still_slot = new.still_start[k] * LANES
     for i in range(new.slab_start[k], new.slab_start[k + 1]):
         for _ in range(count[i]):
             j = found[q]
@@ -256,14 +165,29 @@ def fill_slab(
             reach = state[i, 3] + state[j, 3]
             squared = dx * dx + dy * dy + dz * dz
             if squared < reach * reach:
-                begin_contact(slot, i, j, particles, tables, new.owner, new.partner, new.fixed)
-                recall_history(slot, order[i], order[j], carried, new.history)
-                slot += 1
+                still = mode[i] != AWAKE and mode[j] != AWAKE
+                at = still_slot if still else slot
+                begin_contact(at, i, j, particles, tables, new.owner, new.partner, new.fixed)
+                recall_history(at, order[i], order[j], carried, new.history)
+                slot += 0 if still else 1
+                still_slot += 1 if still else 0
             else:
                 new.near_owner[near], new.near_partner[near] = i, j
                 new.wake[near] = 0.5 * (math.sqrt(squared) - reach)
                 near += 1
     new.used[k] = slot - new.block_start[k] * LANES
+    new.still[k] = still_slot - new.still_start[k] * LANES
+
+
+# A search that arranges the dormant pays when it spares this share of the particles, or of the contacts.
+WORTH_ARRANGING = 0.05
+
+
+def pays_to_arrange(dormant: Dormant, state: Floats, lists: Neighbours) -> bool:
+    """Whether many particles have become calm, or many still contacts are computed because a few woke."""
+    waiting = is_calm(dormant, state) & (dormant.state == AWAKE)
+    lively, blocks = int(lists.lively.sum()), len(lists.lively)
+    return bool(np.count_nonzero(waiting) > WORTH_ARRANGING * len(state) or lively > WORTH_ARRANGING * blocks)
 
 
 def forget_all(particles: Particles) -> Particles:
@@ -272,18 +196,24 @@ def forget_all(particles: Particles) -> Particles:
     return Particles(p.state[:0], p.force[:0], p.material[:0], p.number[:0])
 
 
-def room_for(slabs: Integers, pairs: Integers, touching: Integers) -> Neighbours:
+def room_for(slabs: Integers, pairs: Integers, touching: Integers, still: Integers) -> Neighbours:
     """A list with room for the pairs of each slab, and for a share of the near ones to become contacts."""
     near = pairs - touching
-    slots = touching + np.minimum(near, near // NEAR_THAT_MEET + LANES // 4)
-    blocks = -(-slots // LANES)
-    block_start = np.concatenate([[0], np.cumsum(blocks)])
+    slots = touching - still + np.minimum(near, near // NEAR_THAT_MEET + LANES // 4)
+    blocks, still_blocks = -(-slots // LANES), -(-still // LANES)
+    block_start = np.concatenate([[0], np.cumsum(blocks + still_blocks)])
     near_start = np.concatenate([[0], np.cumsum(near)])
     total, rest, count = int(block_start[-1]), int(near_start[-1]), len(slabs) - 1
     return Neighbours(
         slabs,
         block_start,
         np.zeros(count, np.int64),
+        block_start[1:] - still_blocks,
+        np.zeros(count, np.int64),
+        np.zeros(total, np.uint8),
+        np.zeros(count, np.int64),
+        np.zeros(count, np.int64),
+        np.ones(1, np.uint8),
         np.empty(total * LANES, np.int32),
         np.empty(total * LANES, np.int32),
         np.empty(total * LANES * FIXED_WIDTH),
@@ -303,12 +233,13 @@ def room_for(slabs: Integers, pairs: Integers, touching: Integers) -> Neighbours
 def empty_neighbours(count: int) -> Neighbours:
     """A list without a pair, for `count` particles: what the first search carries history from."""
     nothing = np.zeros(1, np.int64)
-    return room_for(np.array([0, count]), nothing, nothing)
+    return room_for(np.array([0, count]), nothing, nothing, nothing)
 
 
 def _find_all(
     slabs: Integers,
     state: Floats,
+    mode: NDArray[np.uint8],
     grid: Grid,
     skin: float,
     room: int,
@@ -316,10 +247,13 @@ def _find_all(
     count: Integers,
     needed: Integers,
     touching: Integers,
+    still: Integers,
 ) -> None:
     for k in prange(len(slabs) - 1):
         out = found[slabs[k] * room : slabs[k + 1] * room]
-        needed[k], touching[k] = find_partners(slabs[k], slabs[k + 1], state, grid, skin, out, count)
+        needed[k], touching[k], still[k] = find_partners(
+            slabs[k], slabs[k + 1], state, mode, grid, skin, out, count
+        )
 
 
 def _fill_all(
@@ -327,6 +261,7 @@ def _fill_all(
     found: Any,
     count: Integers,
     particles: Particles,
+    mode: NDArray[np.uint8],
     order: Integers,
     carried: Carried,
     new: Neighbours,
@@ -334,7 +269,7 @@ def _fill_all(
 ) -> None:
     for k in prange(len(new.slab_start) - 1):
         out = found[new.slab_start[k] * room : new.slab_start[k + 1] * room]
-        fill_slab(k, out, count, particles, order, carried, new, tables)
+        fill_slab(k, out, count, particles, mode, order, carried, new, tables)
 
 
 _SEARCH: dict[bool, tuple[Any, Any]] = {
@@ -366,7 +301,12 @@ def arrange(particles: Particles, skin: float, keep: NDArray[np.bool_] | None = 
 
 
 def list_pairs(
-    arranged: Arranged, carried: Carried, tables: Tables, skin: float, threaded: bool = False
+    arranged: Arranged,
+    carried: Carried,
+    mode: NDArray[np.uint8],
+    tables: Tables,
+    skin: float,
+    threaded: bool = False,
 ) -> Neighbours:
     """All pairs within reach + skin, with the histories of those that touched; the same bits on threads."""
     particles, order, slabs = arranged
@@ -376,15 +316,15 @@ def list_pairs(
     find_all, fill_all = _SEARCH[threaded]
     grid = build_grid(state, skin)
     count = np.zeros(len(state), np.int64)
-    needed, touching = np.zeros(len(slabs) - 1, np.int64), np.zeros(len(slabs) - 1, np.int64)
+    needed, touching, still = np.zeros((3, len(slabs) - 1), np.int64)
     room = 8
     while True:
         found = np.empty(len(state) * room, np.int32)
-        find_all(slabs, state, grid, skin, room, found, count, needed, touching)
+        find_all(slabs, state, mode, grid, skin, room, found, count, needed, touching, still)
         if (needed <= np.diff(slabs) * room).all():
             break
         room *= 2
     del grid
-    new = room_for(slabs, needed, touching)
-    fill_all(room, found, count, particles, order, carried, new, tables)
+    new = room_for(slabs, needed, touching, still)
+    fill_all(room, found, count, particles, mode, order, carried, new, tables)
     return new

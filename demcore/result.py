@@ -112,6 +112,7 @@ def assumptions(run: CaseRun) -> dict[str, Any]:
         "time_step_given": case.time_step is not None,
         "gravity_m_s2": list(case.gravity),
         "rest": "never ends early" if watch is None else watch.sentence(),
+        "dormancy": "everything is computed" if case.dormancy is None else case.dormancy.sentence(),
         "check_interval_s": CHECK_INTERVAL,
         "skin_in_smallest_radii": SKIN,
         "seed": case.seed,

@@ -16,6 +16,18 @@ from numpy.typing import NDArray
 from demcore.checkpoint import flat, rebuilt
 from demcore.contact.model import ContactModel
 from demcore.departures import DepartureLog
+from demcore.dormancy import Dormancy
+from demcore.dormant import (
+    AWAKE,
+    FALLING,
+    Dormant,
+    all_awake,
+    is_calm,
+    next_look,
+    nobody_dormant,
+    reordered,
+    with_awake,
+)
 from demcore.errors import BlowUp
 from demcore.forces import Neighbours, touching_contacts
 from demcore.geometry.motion import next_change, place_walls
@@ -24,7 +36,7 @@ from demcore.geometry.wall_rows import Walls
 from demcore.geometry.walls import Wall
 from demcore.integrator import advance_serial, advance_threaded
 from demcore.interaction import MaterialTable
-from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs
+from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs, pays_to_arrange
 from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z, join
 from demcore.region import Box
 from demcore.wall_list import WallList, empty_wall_list
@@ -34,6 +46,7 @@ from demcore.wall_search import (
     find_racing_wall,
     forgive_crossings,
     list_walls,
+    near_moving_walls,
     wall_label,
 )
 from demcore.wrench import material_tables
@@ -72,6 +85,7 @@ class Simulation:
     domain: Box | None = None
     threaded: bool = False
     skin: float = 0.0
+    dormancy: Dormancy | None = None
     step: int = 0
     searches: int = 0
     particle_steps: int = 0
@@ -88,6 +102,7 @@ class Simulation:
         self.next_number = int(self.particles.number.max(initial=-1)) + 1
         if not self.skin:
             self.skin = SKIN * float(self.particles.state[:, R].min())
+        self.dormant = self._everybody_awake()
         if self.neighbours.slab_start[-1] != len(self.particles.number):
             self.neighbours = empty_neighbours(len(self.particles.number))
 
@@ -104,6 +119,8 @@ class Simulation:
         """Make `steps` steps. Raises BlowUp when a number is no longer finite or an overlap is absurd."""
         end = self.step + steps
         advance = advance_threaded if self.threaded else advance_serial
+        if self.dormancy is not None and not np.array_equal(self.dormant.gravity, self.gravity):
+            self.wake_all()
         while self.step < end:
             place_walls(self.walls, self.time, self.dt)
             if self.stale:
@@ -114,11 +131,13 @@ class Simulation:
                 break
             # A wall appears or vanishes with a search of its own, at its step however a run is cut up.
             change = next_change(self.walls, self.step, self.dt)
+            look = next_look(self.dormant, self.step)
             made, self.stale = advance(
                 self.step,
-                int(min(end, change)) - self.step,
+                int(min(end, change, look)) - self.step,
                 self.particles,
                 self.neighbours,
+                self.dormant,
                 self.walls,
                 self.near_walls,
                 *self.model,
@@ -129,12 +148,18 @@ class Simulation:
             )
             self.step += int(made)
             self.particle_steps += int(made) * self.count
-            self.stale = self.stale or self.step == change
+            if self.step == change:
+                self.wake_all()
+            if self.step == look:
+                self.stale = self.stale or pays_to_arrange(
+                    self.dormant, self.particles.state, self.neighbours
+                )
             self._check_crossing()
 
     def add(self, born: Particles) -> None:
         """Particles that come now, at rest in no contact; numbered on from the last one ever."""
         self.particles = join(self.particles, born, self.next_number)
+        self.dormant = with_awake(self.dormant, len(born.number))
         self.next_number += len(born.number)
         # They have no partners until the search that comes next, which reads their rows here.
         slabs = self.neighbours.slab_start.copy()
@@ -159,13 +184,43 @@ class Simulation:
         self.neighbours = empty_neighbours(0)
         arranged = arrange(self.particles, self.skin, keep)
         self.particles = arranged.particles
-        self.neighbours = list_pairs(arranged, carried, self._tables, self.skin, self.threaded)
         self.near_walls = list_walls(
             self.particles.state, self.walls, self.skin, self.step, self.dt, arranged.order, self.near_walls
         )
         self._check_walls()
+        self.dormant = reordered(self.dormant, arranged.order)
+        if self.dormancy is not None:
+            self._let_fall_dormant()
+        self.neighbours = list_pairs(
+            arranged, carried, self.dormant.state, self._tables, self.skin, self.threaded
+        )
         self.searches += 1
         self.stale = False
+
+    def _let_fall_dormant(self) -> None:
+        """Hold who has been calm for long enough; who is near a wall that moves stays awake."""
+        state, mode = self.particles.state, self.dormant.state
+        calm = is_calm(self.dormant, state)
+        mode[calm & (mode == AWAKE)] = FALLING
+        moved = near_moving_walls(self.near_walls, self.walls)
+        mode[moved], self.dormant.calm[moved] = AWAKE, 0
+        held = mode == FALLING
+        state[held, VX : VZ + 1] = state[held, WX : WZ + 1] = 0.0
+
+    def wake_all(self) -> None:
+        """Nobody is dormant from the next step on, which begins with a search: what has changed may touch all."""
+        self.dormant = self._everybody_awake()
+        self.stale = True
+
+    def _everybody_awake(self) -> Dormant:
+        if self.dormancy is None:
+            return nobody_dormant(self.count)
+        return all_awake(self.count, self.dormancy, self.gravity, self.dt)
+
+    @property
+    def dormant_count(self) -> int:
+        """How many particles are held."""
+        return int(np.count_nonzero(self.dormant.state))
 
     def _check_crossing(self) -> None:
         crossing = find_crossing(self.near_walls, self.particles)
@@ -232,12 +287,12 @@ class Simulation:
     def replace_wall(self, index: int, wall: Wall) -> None:
         """Another motion, belt or lifetime for a wall from now on; what touched it keeps its history."""
         replace_wall(self.walls, index, wall, self.time)
-        self.stale = True
+        self.wake_all()
 
     def remove_wall(self, index: int) -> None:
         """Let a wall vanish now; its number stays taken, so that histories of the others keep their keys."""
         self.walls.window[index, 1] = self.time
-        self.stale = True
+        self.wake_all()
 
     @property
     def mass(self) -> float:
@@ -270,6 +325,7 @@ class Simulation:
             setattr(self, name, numbers[name])
         found = {prefix: rebuilt(prefix, record, arrays) for prefix, record in self._records().items()}
         self.particles, self.neighbours = found["particles"], found["neighbours"]
+        self.dormant = found["dormant"]
         self.walls, self.near_walls = found["walls"], found["near_walls"]
         self.left.restore(found["left"])
 
@@ -277,6 +333,7 @@ class Simulation:
         return {
             "particles": self.particles,
             "neighbours": self.neighbours,
+            "dormant": self.dormant,
             "walls": self.walls,
             "near_walls": self.near_walls,
             "left": self.left.all(),

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from demcore.contact.model import ContactModel, Vec3
+from demcore.dormant import AWAKE, Dormant
 from demcore.geometry.motion import surface_velocity, to_body, turn_to_world, vector_at
 from demcore.geometry.surfaces import plane_distance, revolution_distance
 from demcore.geometry.wall_rows import PLANE, PROFILE, SPIN_NOW, TRIANGLES, Walls
@@ -78,11 +79,24 @@ def meet_triangles(
     carry_histories(near, begin, end, r)
 
 
+@leaf
+def add_wrench(rows: Floats, i: int, f: Vec3, tx: float, ty: float, tz: float) -> None:
+    """Add a force and a torque to row i."""
+    rows[i, 0] += f.x
+    rows[i, 1] += f.y
+    rows[i, 2] += f.z
+    rows[i, 3] += tx
+    rows[i, 4] += ty
+    rows[i, 5] += tz
+
+
 @kernel
 def wall_forces(
     first: int,
     last: int,
     particles: Particles,
+    dormant: Dormant,
+    fresh: bool,
     walls: Walls,
     near: WallList,
     model: ContactModel,
@@ -90,7 +104,8 @@ def wall_forces(
     dt: float,
 ) -> None:
     """Add the forces of all wall contacts of particles first to last - 1; sets the alarm of the list when one of
-    them went through a wall.
+    them went through a wall. Those of held particles are computed in the `fresh` step after a search only, and
+    kept in `frozen`: such particles are near walls that stand.
 
     Every array has a name of its own: one that is taken out of its record in the loop is counted as a reference
     there, which cost four times the arithmetic.
@@ -100,8 +115,12 @@ def wall_forces(
     normal, push = near.normal, near.push
     wall_kind, pose, shape, wall_material = walls.kind, walls.pose, walls.shape, walls.material
     youngs, values = tables.youngs, tables.pair
+    mode, frozen = dormant.state, dormant.frozen
     for p in range(np.searchsorted(near.owner, first), np.searchsorted(near.owner, last)):
         i = near.owner[p]
+        is_held = mode[i] != AWAKE
+        if is_held and not fresh:
+            continue
         x, y, z, r, m = state[i, 0], state[i, 1], state[i, 2], state[i, 3], state[i, 7]
         wx, wy, wz = state[i, 8], state[i, 9], state[i, 10]
         met = -1
@@ -141,11 +160,12 @@ def wall_forces(
             wrench = contact_wrench(model, pair, r - d, n, v, spin, recall(history, k), dt)
             remember(history, k, wrench.history)
             f, ft, couple = wrench.force, wrench.tangential, wrench.couple
-            force[i, 0] += f.x
-            force[i, 1] += f.y
-            force[i, 2] += f.z
-            force[i, 3] += couple.x - d * (n.y * ft.z - n.z * ft.y)
-            force[i, 4] += couple.y - d * (n.z * ft.x - n.x * ft.z)
-            force[i, 5] += couple.z - d * (n.x * ft.y - n.y * ft.x)
+            tx = couple.x - d * (n.y * ft.z - n.z * ft.y)
+            ty = couple.y - d * (n.z * ft.x - n.x * ft.z)
+            tz = couple.z - d * (n.x * ft.y - n.y * ft.x)
+            if is_held:
+                add_wrench(frozen, i, f, tx, ty, tz)
+            else:
+                add_wrench(force, i, f, tx, ty, tz)
             normal[k, 0], normal[k, 1], normal[k, 2] = n.x, n.y, n.z
             push[k, 0], push[k, 1], push[k, 2] = f.x, f.y, f.z

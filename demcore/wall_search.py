@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from demcore.geometry.motion import first_step, is_present, largest_step, set_home, to_body
+from demcore.geometry.motion import first_step, is_present, largest_step, set_home, stands, to_body
 from demcore.geometry.surfaces import triangle_distance
 from demcore.geometry.triangle_tree import LEAF, following, next_leaf
-from demcore.geometry.wall_rows import TRIANGLES, Walls
+from demcore.geometry.wall_rows import BELT_SPEED, TRIANGLES, Walls
 from demcore.jit import kernel, leaf
 from demcore.particles import Floats, Particles
 from demcore.wall_forces import wall_distance
@@ -136,6 +136,17 @@ def first_inside(near: WallList, state: Floats, walls: Walls, step: int, dt: flo
             if r - d > allowed * r:
                 return k
     return -1
+
+
+def near_moving_walls(near: WallList, walls: Walls) -> Integers:
+    """Rows of the particles that a wall is near which ever moves, or whose surface does."""
+    moving = np.array(
+        [not stands(walls, w) or walls.shape[w, BELT_SPEED] > 0.0 for w in range(len(walls.kind))]
+    )
+    if not moving.any():
+        return near.owner[:0]
+    slots_before = np.concatenate([[0], np.cumsum(moving[near.wall])])
+    return near.owner[slots_before[near.start[1:]] > slots_before[near.start[:-1]]]
 
 
 class Found(NamedTuple):

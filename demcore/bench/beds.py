@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from demcore.case import Interaction, MaterialTable, Stiffness
 from demcore.contact.laws import hertz_mindlin_model, paper_model
 from demcore.contact.model import ContactModel
+from demcore.dormancy import Dormancy
 from demcore.errors import InputError
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
@@ -37,6 +38,8 @@ LAWS = ("hertz", "paper")
 # Steps before the clock starts, for histories to form; a bed settled under the other law needs longer to come to
 # the same number of contacts.
 RUN_IN = {"hertz": 100, "paper": 800}
+# Simulated seconds before the clock starts where dormancy is measured: the stored beds still ring for so long.
+CALM_SECONDS = 0.8
 
 # Our own beds: so many spheres, by mass uniform between these diameters, m, or all of the same mean mass.
 OWN_COUNT = 10_000
@@ -82,7 +85,7 @@ class Bed:
     velocities: NDArray[np.float64]
     spins: NDArray[np.float64]
 
-    def simulation(self, law: str, threaded: bool = False) -> Simulation:
+    def simulation(self, law: str, threaded: bool = False, dormancy: Dormancy | None = None) -> Simulation:
         """The bed under a contact law, ready to advance; no history yet, so let it run in for a while."""
         dt = self.container.dt
         if law == "paper":
@@ -90,7 +93,8 @@ class Bed:
             dt = time_step(smallest, DENSITY, LINEAR_STIFFNESS.youngs_modulus, RESTITUTION, "fast")
         particles = spheres(self.positions, self.radii, DENSITY, None, self.velocities, self.spins)
         walls = wall_arrays(self.container.walls())
-        return Simulation(particles, walls, contact_model(law), material_table(law), dt, threaded=threaded)
+        model, table = contact_model(law), material_table(law)
+        return Simulation(particles, walls, model, table, dt, threaded=threaded, dormancy=dormancy)
 
 
 def contact_model(law: str) -> ContactModel:

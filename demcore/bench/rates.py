@@ -11,7 +11,8 @@ from typing import Any, cast
 import numba
 import numpy as np
 
-from demcore.bench.beds import RUN_IN, Bed
+from demcore.bench.beds import CALM_SECONDS, RUN_IN, Bed
+from demcore.dormancy import Dormancy
 from demcore.errors import InputError
 from demcore.forces import NEVER, touching_contacts
 from demcore.neighbours import carry
@@ -41,20 +42,24 @@ def check_threads(threads: int) -> None:
 
 
 class Runner:
-    """A bed under one law on so many threads: run in once, then timed as often as asked."""
+    """A bed under one law on so many threads: run in once, then timed as often as asked. `calm`: run in until the
+    bed lies still, which shows what dormancy is good for."""
 
-    def __init__(self, bed: Bed, law: str, threads: int) -> None:
+    def __init__(
+        self, bed: Bed, law: str, threads: int, dormancy: Dormancy | None = None, calm: bool = False
+    ) -> None:
         check_threads(threads)
         self.threads = threads
         self.search_seconds = 0.0
-        self.simulation = bed.simulation(law, threaded=threads > 1)
+        self.simulation = bed.simulation(law, threads > 1, dormancy)
         self._time_searches()
         numba.set_num_threads(threads)
         clock = time.perf_counter()
         self.simulation.advance(1)
         # Compilation, where the cache had nothing; else loading from the cache.
         self.first_call_seconds = time.perf_counter() - clock
-        self.simulation.advance(RUN_IN[law] - 1)
+        steps = round(CALM_SECONDS / self.simulation.dt) if calm else RUN_IN[law]
+        self.simulation.advance(steps - 1)
 
     def _time_searches(self) -> None:
         search = self.simulation._search

@@ -10,6 +10,7 @@ from typing import Any
 from demcore.bench.beds import LAWS, Bed, load_bed
 from demcore.bench.liggghts import LiggghtsCourse, find_programs, run_liggghts
 from demcore.bench.rates import Course, Runner, check_threads, peak_of_search
+from demcore.dormancy import Dormancy
 from demcore.errors import InputError
 
 # About a second of either program on one core.
@@ -21,7 +22,8 @@ SAME_CONTACTS = 0.05
 
 @dataclass(frozen=True)
 class Bench:
-    """What to measure: beds by name, laws, thread counts, rounds; LIGGGHTS beside it or not."""
+    """What to measure: beds by name, laws, thread counts, rounds; LIGGGHTS beside it or not. `dormancy`: each law
+    with the option too, all of them on beds that have come to lie still."""
 
     beds: Sequence[str]
     laws: Sequence[str] = LAWS
@@ -30,6 +32,7 @@ class Bench:
     folder: Path | None = None
     repeats: int = REPEATS
     particle_steps: int = PARTICLE_STEPS
+    dormancy: bool = False
 
     def __post_init__(self) -> None:
         for law in self.laws:
@@ -47,7 +50,8 @@ class Bench:
 
 @dataclass(frozen=True)
 class Row:
-    """One bed under one law on so many threads; `theirs` is None where LIGGGHTS was not run."""
+    """One bed under one law on so many threads; `theirs` is None where LIGGGHTS was not run, `dormant_share`, of
+    the particles at the end, without the option."""
 
     bed: str
     law: str
@@ -58,6 +62,7 @@ class Row:
     memory_bytes: int
     first_call_seconds: float
     theirs: LiggghtsCourse | None
+    dormant_share: float | None = None
 
     @property
     def rate(self) -> float:
@@ -98,6 +103,7 @@ class Row:
             "liggghts_contacts_per_particle": None if theirs is None else theirs.contacts / n,
             "liggghts_rebuilds": None if theirs is None else theirs.rebuilds,
             "has_same_contacts": self.has_same_contacts,
+            "dormant_share": self.dormant_share,
         }
 
 
@@ -120,21 +126,27 @@ def _rows(bench: Bench, bed: Bed, threads: int) -> list[Row]:
     """
     count = len(bed.radii)
     steps = max(1, bench.particle_steps // count)
-    runners = {law: Runner(bed, law, threads) for law in bench.laws}
-    ours: dict[str, list[Course]] = {law: [] for law in bench.laws}
+    options = (None, Dormancy()) if bench.dormancy else (None,)
+    runners = {
+        (law, option): Runner(bed, law, threads, option, bench.dormancy)
+        for law in bench.laws
+        for option in options
+    }
+    ours: dict[tuple[str, Dormancy | None], list[Course]] = {variant: [] for variant in runners}
     theirs = []
     for _ in range(bench.repeats):
-        for law, runner in runners.items():
-            ours[law].append(runner.course(steps))
+        for variant, runner in runners.items():
+            ours[variant].append(runner.course(steps))
         if bench.against_liggghts:
             theirs.append(run_liggghts(bed, threads, steps))
     fastest = min(theirs, key=lambda course: course.seconds, default=None)
     rows = []
-    for law, runner in runners.items():
-        best = min(ours[law], key=lambda course: course.seconds)
+    for (law, option), runner in runners.items():
+        best = min(ours[law, option], key=lambda course: course.seconds)
+        share = None if option is None else runner.simulation.dormant_count / count
         memory = peak_of_search(runner.simulation)
         first_call = runner.first_call_seconds
-        rows.append(Row(bed.name, law, threads, count, steps, best, memory, first_call, fastest))
+        rows.append(Row(bed.name, law, threads, count, steps, best, memory, first_call, fastest, share))
     return rows
 
 
@@ -154,6 +166,8 @@ def line(row: Row) -> str:
     )
     if row.theirs is not None:
         text += f"{row.liggghts_rate:.3e}, {r['liggghts_contacts_per_particle']:.3f}, {r['ratio_to_liggghts']:.2f}"
+    if row.dormant_share is not None:
+        text += f"  with dormancy, {row.dormant_share:.0%} of the particles dormant"
     if row.has_same_contacts is False:
         text += "  CONTACTS DIFFER: not the same work"
     return text
@@ -161,7 +175,7 @@ def line(row: Row) -> str:
 
 def size_ratio_lines(rows: Sequence[Row]) -> list[str]:
     """Cost per particle with a size ratio of 10, in costs of the monodisperse bed (issue 3: at most 2)."""
-    rates = {(r.bed, r.law, r.threads): r.rate for r in rows}
+    rates = {(r.bed, r.law, r.threads): r.rate for r in rows if r.dormant_share is None}
     return [
         f"cost per particle with a size ratio of 10, {law}, {threads} thread{'s' if threads > 1 else ''}: "
         f"{rates['mono', law, threads] / rate:.2f} times that of equal spheres"

@@ -29,6 +29,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     speed.add_argument("--repeats", type=int, default=3, help="turns; of each the fastest counts")
     speed.add_argument("--particle-steps", type=int, default=4_000_000, help="work in one turn")
+    speed.add_argument(
+        "--dormancy", action="store_true", help="let the beds lie still, then each law with dormancy too"
+    )
     speed.set_defaults(run=bench)
 
 
@@ -46,6 +49,7 @@ def bench(arguments: argparse.Namespace) -> int:
         arguments.beds,
         arguments.repeats,
         arguments.particle_steps,
+        arguments.dormancy,
     )
     if arguments.first_call:
         return first_call(task, arguments.json)

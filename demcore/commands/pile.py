@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from demcore import checkpoint
 from demcore.commands.arguments import check_at_least, output_folder
 from demcore.commands.quantity import parse_quantity
+from demcore.dormancy import Dormancy
 from demcore.errors import InputError
 from demcore.experiments.contact_parameters import LIMITS, MIXING_RULES, ContactParameters, Parameters
 from demcore.experiments.mix_trials import pairwise_optimum
@@ -67,6 +68,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument(
         "--lift", metavar="SPEED", help="lift the cylinder, as 30mm/s (default: it vanishes at once)"
     )
+    run.add_argument(
+        "--dormancy",
+        action="store_true",
+        help="hold particles that do nothing, and compute them again when something happens to them",
+    )
     run.add_argument("--frames", default="50ms", help="simulated time between frames, or none (default 50ms)")
     run.add_argument("--threads", type=int, default=1)
     run.add_argument("--out", type=Path, default=Path("pile"), help="folder for the files")
@@ -117,6 +123,7 @@ def pile_test(arguments: argparse.Namespace) -> PileTest:
         contact_model=arguments.contact_model,
         time_step=arguments.time_step if preset else "fast",
         lift_speed=None if arguments.lift is None else parse_quantity("lift", arguments.lift, "speed"),
+        dormancy=Dormancy() if arguments.dormancy else None,
     )
     check_at_least("seed", test.seed, 0)
     return test if preset else with_time_step(test, arguments.time_step)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from demcore.allowed import choice, natural, positive, within
-from demcore.case import CONTACT_MODELS, Case, Numerics, RestCriterion
+from demcore.case import CONTACT_MODELS, Case, Dormancy, Numerics, RestCriterion
 from demcore.charge import Fill
 from demcore.errors import InputError
 from demcore.experiments.contact_parameters import (
@@ -58,6 +58,7 @@ class PileTest:
     contact_model: str = "paper"
     numerics: Numerics = field(default_factory=Numerics)
     rest: RestCriterion = field(default_factory=RestCriterion)
+    dormancy: Dormancy | None = None
 
     def __post_init__(self) -> None:
         within("scale", self.scale, 0.1, 20.0)
@@ -132,6 +133,7 @@ class PileTest:
             domain=Box((-reach, -reach, FLOOR), (reach, reach, math.inf)),
             contact_model=self.contact_model,
             numerics=self._numerics(),
+            dormancy=self.dormancy,
             seed=self.seed,
         )
         if self.time_step_factor == 1.0:

@@ -17,7 +17,14 @@ CONTACT = Interaction(0.3, 0.5, 0.45, 0.2)
 
 
 def bed(
-    count=200, seed=1, contact=CONTACT, model=None, threaded=False, walls=None, gravity=(0.0, 0.0, -9.81)
+    count=200,
+    seed=1,
+    contact=CONTACT,
+    model=None,
+    threaded=False,
+    walls=None,
+    gravity=(0.0, 0.0, -9.81),
+    dormancy=None,
 ):
     """Spheres of 10 to 30 mm falling into a cylinder of radius 60 mm."""
     rng = np.random.default_rng(seed)
@@ -33,6 +40,7 @@ def bed(
         time_step(0.01, 2500.0, 1e7, contact.restitution),
         gravity=np.array(gravity),
         threaded=threaded,
+        dormancy=dormancy,
     )
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from demcore.block import LANES
 from demcore.case import Interaction, MaterialTable, Stiffness
 from demcore.contact.laws import hertz_mindlin_model, paper_model
 from demcore.contact.model import History, Vec3
-from demcore.forces import LANES, NEVER, slab_forces, touching_contacts
+from demcore.dormant import nobody_dormant
+from demcore.forces import NEVER, slab_forces, touching_contacts
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs
 from demcore.particles import spheres
@@ -76,11 +78,12 @@ def test_blocks_give_the_sum_of_the_laws_one_contact_at_a_time(model):
     tables = material_tables(*TABLE.arrays())
     bed = moving_cloud(150)
     arranged = arrange(bed, 0.002)
-    particles, lists = arranged.particles, list_pairs(arranged, carry(empty_neighbours(150)), tables, 0.002)
+    particles, nobody = arranged.particles, nobody_dormant(150)
+    lists = list_pairs(arranged, carry(empty_neighbours(150)), nobody.state, tables, 0.002)
     assert lists.used.sum() > 3 * LANES
     for _ in range(3):
         for slab in range(len(lists.used)):
-            slab_forces(slab, particles, lists, model, tables, DT)
+            slab_forces(slab, particles, lists, nobody, model, tables, DT)
     expected = one_at_a_time(model, particles, tables, 3)
     scale = np.abs(expected).max(axis=0)
     assert np.abs(particles.force / scale - expected / scale).max() < 1e-12

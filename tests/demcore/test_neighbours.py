@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from demcore.block import LANES
 from demcore.case import Interaction, Stiffness, uniform_table
-from demcore.forces import LANES, touching_contacts
+from demcore.forces import touching_contacts
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs
@@ -28,7 +29,9 @@ def cloud(seed: int, count: int, smallest: float, largest: float, size: float):
 def search(bed, before, skin, threaded=False):
     """Sorted particles, their list with the histories of the list before, and their rows before."""
     arranged = arrange(bed, skin)
-    lists = list_pairs(arranged, carry(before), TABLES, skin, threaded)
+    lists = list_pairs(
+        arranged, carry(before), np.zeros(len(arranged.order), np.uint8), TABLES, skin, threaded
+    )
     return arranged.particles, lists, arranged.order
 
 
