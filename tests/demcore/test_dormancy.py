@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import argparse
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from demcore import checkpoint
 from demcore.case import Dormancy
+from demcore.commands import pile
 from demcore.dormant import AWAKE
-from demcore.errors import BlowUp, InputError
+from demcore.errors import BlowUp, Cancelled, InputError
 from demcore.forces import touching_contacts
 from demcore.geometry.walls import Wall
 from demcore.particles import spheres
+from demcore.run import simulate
 from tests.demcore.builders import bed, by_number
+from tests.demcore.cases import a_case, a_fill
 
 OPTION = Dormancy()
 SMALLEST = 0.005
@@ -205,3 +210,34 @@ def test_without_gravity_nobody_falls_dormant():
 def test_what_dormancy_may_not_be(name, value):
     with pytest.raises(InputError, match=f"dormancy.{name}"):
         Dormancy(**{name: value})
+
+
+def test_a_case_with_dormancy_says_so_and_resumes_with_the_same_bits(tmp_path, monkeypatch):
+    monkeypatch.setattr("demcore.run.REPORT_SECONDS", 0.0)
+    case = replace(a_case(fills=(a_fill(mass=0.3),), duration=1.0, rest=None), dormancy=OPTION)
+    whole = simulate(case)
+    assert whole.assumptions["dormancy"] == OPTION.sentence()
+    assert "computed" in simulate(replace(case, dormancy=None, duration=0.001)).assumptions["dormancy"]
+    assert (whole.velocities == 0.0).all(axis=1).mean() > 0.3
+    path = tmp_path / "run"
+
+    def stop(progress):
+        return progress.time_s < 0.8
+
+    with pytest.raises(Cancelled):
+        simulate(case, stop, checkpoint_path=path)
+    resumed = simulate(case, checkpoint_path=path)
+    assert resumed.positions.tobytes() == whole.positions.tobytes()
+    assert resumed.searches == whole.searches
+
+
+def test_a_case_without_gravity_has_no_dormancy():
+    with pytest.raises(InputError, match="dormancy"):
+        a_case(gravity=(0.0, 0.0, 0.0), rest=None, dormancy=OPTION)
+
+
+def test_the_pile_test_takes_the_option_into_its_case():
+    arguments = argparse.ArgumentParser()
+    pile.add_parser(arguments.add_subparsers())
+    assert pile.pile_test(arguments.parse_args(["pile", "pellet", "--dormancy"])).case.dormancy == OPTION
+    assert pile.pile_test(arguments.parse_args(["pile", "pellet"])).case.dormancy is None

@@ -13,7 +13,7 @@ from demcore.__main__ import main
 from demcore.bench.beds import CONTAINERS, OWN_LARGEST, OWN_SMALLEST, load_bed, own_radii, settle, store
 from demcore.bench.liggghts import LiggghtsFailed, data_file, input_script, read_log, run_liggghts
 from demcore.bench.rates import Runner, count_pairs
-from demcore.bench.report import Bench, Row, measure, size_ratio_lines
+from demcore.bench.report import Bench, Row, line, measure, size_ratio_lines
 from demcore.errors import InputError
 
 # Issue 3's keys.
@@ -116,6 +116,16 @@ def test_the_bench_reports_each_bed_law_and_thread_count():
         assert 0.0 <= record["share_of_search"] < 1.0
         assert record["ratio_to_liggghts"] is None
     json.dumps(records)
+
+
+def test_the_bench_shows_what_dormancy_is_good_for(monkeypatch):
+    monkeypatch.setattr("demcore.bench.rates.CALM_SECONDS", 0.03)
+    task = Bench(["cylinder"], ["hertz"], [1], repeats=1, particle_steps=100_000, dormancy=True)
+    without, held = measure(task, lambda _row: None)
+    assert without.dormant_share is None
+    assert held.dormant_share is not None and 0.0 <= held.dormant_share <= 1.0
+    assert "of the particles dormant" in line(held) and "dormant" not in line(without)
+    assert held.ours.contacts == pytest.approx(without.ours.contacts, rel=0.01)
 
 
 def test_the_size_ratio_is_told_in_costs_of_equal_spheres():
