@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 from service.domain.history import FinishedDesign, ProposedDesign, StudyHistory, StudyStop
 from service.domain.study import StudySpec
 from worker.optimizer.history import Design, History, Pending, WarmStudy
-from worker.optimizer.proposal import propose
 from worker.optimizer.stopping import Stop, recommend
+from worker.optimizer.strategies import BY_NAME
 
 
 def next_design(history: StudyHistory) -> ProposedDesign | StudyStop:
     """The optimizer's answer for design `history.number`."""
-    answer = propose(history.spec, _history(history), history.number)
+    strategy = BY_NAME[history.spec.strategy]
+    answer = strategy.propose(history.spec, _history(history), history.number)
     if isinstance(answer, Stop):
         return StudyStop(answer.reason, answer.text, dict(answer.numbers))
     return ProposedDesign(
@@ -23,7 +23,7 @@ def next_design(history: StudyHistory) -> ProposedDesign | StudyStop:
         origin=answer.origin,
         reason=answer.reason,
         scale=answer.scale,
-        prediction=None if answer.prediction is None else asdict(answer.prediction),
+        prediction=None if answer.prediction is None else answer.prediction.as_record(),
         acquisition=answer.acquisition,
         training_hash=answer.training_hash,
         hyperparameters=answer.hyperparameters,
@@ -35,7 +35,7 @@ def recommendation(history: StudyHistory) -> dict[str, Any] | None:
     found = recommend(history.spec, _history(history))
     if found is None:
         return None
-    return {**asdict(found), "x": history.spec.space.as_dict(found.x)}
+    return {**found.as_record(), "x": history.spec.space.as_dict(found.x)}
 
 
 def whole_history(history: StudyHistory) -> History:

@@ -82,6 +82,7 @@ FAILURES: Mapping[str, str] = {
 STOPS: Mapping[str, Word] = {
     "certified": Word("Certified", "The repose angle is inside the window beyond reasonable doubt."),
     "budget": Word("Not certified", "The budget of simulations is spent."),
+    "design_complete": Word("Not certified", "The design that was asked for has run."),
     "futile": Word("Not certified", "More simulations would not improve the result."),
     "target_unreachable": Word("Not certified", "No parameters in the search space reach the target."),
     "too_many_failures": Word("Not certified", "Too many simulations ended in error."),

@@ -56,9 +56,9 @@ class StudyHistory:
 
     finished, pending: at the study's scale and at its coarse one, told apart by their `scale`. A row of a table
     with results is a finished design of origin `import`, which costs no budget, as coarse runs do not.
-    warm: the studies that `spec.warm_start` names. noise: by observable, what their replicates scatter. accepted:
-    the last design whose failure a person has seen before resuming a study that had paused for too many
-    failures; up to it, failures do not pause the study again.
+    warm: the studies that `spec.warm_start` names. noise: by observable, what earlier replicates of the same
+    material, rig and scale scatter. accepted: the last design whose failure a person has seen before resuming a
+    study that had paused for too many failures; up to it, failures do not pause the study again.
     """
 
     spec: StudySpec

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Callable
 from typing import NoReturn
 
-from worker.optimizer.bench import HEADER, as_line, bench
-from worker.optimizer.strategies import available
+from worker.optimizer.bench import HEADER, Bench, as_line, bench, methods
+from worker.optimizer.synthetic import NOISE_SD_DEG, SyntheticRig
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -29,21 +30,34 @@ def _whole(lowest: int, highest: int) -> Callable[[str], int]:
     return parse
 
 
+def _noise(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= 10.0:
+        raise argparse.ArgumentTypeError(f"got {text!r}, allowed is 0 to 10 degrees")
+    return value
+
+
 def parser() -> OneLineParser:
     top = OneLineParser(prog="python -m worker.optimizer", description="The optimizer's own commands.")
     commands = top.add_subparsers(dest="command", required=True)
     command = commands.add_parser("bench", help="rank strategies on the synthetic study of calibration.md")
     command.add_argument("--json", action="store_true", help="a list of rows instead of the table")
     command.add_argument("--seeds", type=_whole(1, 1000), default=30, help="studies for each case")
+    command.add_argument("--first-seed", type=_whole(0, 10**6), default=1, help="the first study's seed")
+    command.add_argument("--noise", type=_noise, default=NOISE_SD_DEG, help="sd of a run, degrees")
     command.add_argument("--parallel", type=_whole(1, 64), default=1, help="designs in flight")
-    names = sorted(available())
+    names = sorted(methods())
     command.add_argument("--method", action="append", choices=names, help="only this one (repeatable)")
     return top
 
 
 def main(arguments: list[str] | None = None) -> int:
     chosen = parser().parse_args(arguments)
-    rows = bench(chosen.seeds, chosen.parallel, chosen.method)
+    options = Bench(chosen.seeds, chosen.first_seed, chosen.parallel, SyntheticRig(chosen.noise))
+    rows = bench(options, chosen.method)
     if chosen.json:
         print(json.dumps([row.as_dict() for row in rows], indent=1))
         return 0

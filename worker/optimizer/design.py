@@ -21,6 +21,7 @@ _LARGEST_SEED = 2**31 - 1
 
 # One stream of random numbers per purpose, so that no two purposes share theirs.
 STREAM_INITIAL, STREAM_CANDIDATES, STREAM_LOCAL, STREAM_FANTASY, STREAM_SIMULATION = range(5)
+STREAM_NORMALS, STREAM_HYPERCUBE, STREAM_ORDER = 5, 6, 7
 
 
 def generator(*key: int) -> np.random.Generator:

@@ -21,13 +21,16 @@ import numpy as np
 from service.domain.observables import OBSERVABLES
 from service.domain.search_space import SearchSpace
 from worker.optimizer.design import FloatArray
-from worker.optimizer.history import PRIOR_FREEDOM, History
+from worker.optimizer.history import History
+from worker.optimizer.noise import PRIOR_FREEDOM, NoiseEvidence
 from worker.optimizer.surrogate import Surrogate, fit_hyperparameters, training_set
 
 FEWEST_VALUES = 3
 SPREAD = 5.0
 # Noise of an observable that nothing is known of: this share of the spread of its values.
 NOISE_SHARE = 0.1
+# Degrees of freedom beside which a few dozen designs do not count.
+CERTAIN = 1e6
 # Rows at once: a block of the kernel matrix then stays in the processor's cache, three times as fast as all.
 _BLOCK = 256
 
@@ -101,8 +104,13 @@ def emulator(space: SearchSpace, history: History, observable: str) -> Emulator 
     conversion = 1.0 if in_degrees else SPREAD / float(values.std())
     noise = noise_sd(rows, history, observable, float(values.std()))
     data = training_set((u, y * conversion) for u, y in rows)
-    surrogate = Surrogate(data, fit_hyperparameters(data, noise * conversion))
+    surrogate = Surrogate(data, fit_hyperparameters(data, _certain(noise * conversion)))
     return Emulator(observable, len(rows), noise, conversion, surrogate)
+
+
+def _certain(sd: float) -> NoiseEvidence:
+    """A noise that the fit leaves as it is."""
+    return NoiseEvidence(CERTAIN, CERTAIN * sd**2)
 
 
 def noise_sd(rows: Sequence[Row], history: History, observable: str, spread: float) -> float:

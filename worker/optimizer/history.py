@@ -1,4 +1,4 @@
-"""What the optimizer knows of a study: finished designs, pending ones, and what their scatter says of noise.
+"""What the optimizer knows of a study: finished designs, pending ones, and what their replicates scatter.
 
 Notation
     x       design in physical units, order of the space's variables      tuple (d,)
@@ -11,15 +11,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from service.domain.observables import ANGLE, NoiseLevel
 
-# Prior of the noise, until replicates speak: a scaled inverse chi-square with 4 degrees of freedom at 0.5 deg
-# (calibration.md; the paper's repeats pool to 0.58). Four degrees weigh as two designs of three seeds.
-PRIOR_NOISE_DEG = 0.5
-PRIOR_FREEDOM = 4.0
+# Designs of these origins cost no budget: they were known before, or ran at the coarse scale.
+FREE_ORIGINS = ("import", "warm", "coarse")
 
 
 @dataclass(frozen=True)
@@ -93,8 +91,8 @@ class History:
     """Designs at the study's own scale, at its coarse one, and of earlier studies; never pooled.
 
     Cancelled designs are left out by the caller; the order of the tuples carries no meaning.
-    noise: by observable, what earlier replicates of the same test scatter.
-    accepted: failures up to this number were seen by a person, who went on.
+    noise: by observable, what earlier replicates of the same test scatter. accepted: failures up to this number
+    were looked at by a person, who went on.
     """
 
     finished: tuple[Design, ...] = ()
@@ -114,15 +112,18 @@ class History:
         return sum(d.results is None for d in self.finished)
 
     @property
+    def free(self) -> int:
+        """Designs that cost no budget."""
+        known = sum(d.origin in FREE_ORIGINS for d in self.finished)
+        return known + len(self.coarse) + len(self.coarse_pending)
+
+    @property
     def succeeded(self) -> int:
         return len(self.finished) - self.failures
 
     def groups(self) -> tuple[Group, ...]:
         """Finished designs by x, in the order of their first number."""
-        by_x: dict[tuple[float, ...], list[Design]] = {}
-        for design in self.finished:
-            by_x.setdefault(design.x, []).append(design)
-        return tuple(_group(x, designs) for x, designs in by_x.items())
+        return grouped(self.finished)
 
     def seeds_used(self, x: tuple[float, ...]) -> frozenset[int]:
         done = {d.seed for d in self.finished if d.x == x}
@@ -142,16 +143,6 @@ class History:
                 freedom += len(values) - 1
         return squares, freedom
 
-    def replicate_sd_deg(self) -> float | None:
-        """Pooled sd of replicates, `sqrt(sum (n_i - 1) s_i^2 / sum (n_i - 1))`; None without replicates."""
-        squares, freedom = self.scatter()
-        return math.sqrt(squares / freedom) if freedom else None
-
-    def noise_sd_deg(self) -> float:
-        """The pooled sd shrunk towards the prior: `sqrt((nu0 s0^2 + sum (n_i - 1) s_i^2) / (nu0 + nu))`."""
-        squares, freedom = self.scatter()
-        return math.sqrt((PRIOR_FREEDOM * PRIOR_NOISE_DEG**2 + squares) / (PRIOR_FREEDOM + freedom))
-
     @property
     def training_hash(self) -> str:
         """sha256 of all that a proposal may depend on: results, and what is pending."""
@@ -169,6 +160,14 @@ class History:
 def _row(design: Design) -> list[object]:
     results = None if design.results is None else dict(design.results)
     return [design.number, design.x, design.seed, results]
+
+
+def grouped(designs: Iterable[Design]) -> tuple[Group, ...]:
+    """Designs by x, in the order in which each x comes first."""
+    by_x: dict[tuple[float, ...], list[Design]] = {}
+    for design in designs:
+        by_x.setdefault(design.x, []).append(design)
+    return tuple(_group(x, same) for x, same in by_x.items())
 
 
 def _group(x: tuple[float, ...], designs: list[Design]) -> Group:

@@ -1,18 +1,21 @@
-"""The next design of a study, or why there is none: the optimizer's one entry.
+"""The next design of a study by its surrogate, or why there is none: `auto` and `improve_surrogate`.
 
 The order of thought of `propose`:
-    1. stop if too many designs fail, if a design is certified, or if the budget is spent;
-    2. the Sobol initial design first, and further until three angles are there to fit;
-    3. fill pending designs with a posterior sample each;
-    4. stop if the target is unreachable or going on is futile;
-    5. replicate the winner if that is the shorter way to a certificate, or if the budget ends and it lacks
-       seeds; else search by EI x P(ok).
+    1. the coarse prior's own runs first, if the study has one;
+    2. stop if too many designs fail, if a design is certified, or if the budget is spent;
+    3. the Sobol initial design, and further until three results are there to fit; with another test's emulator
+       two shared designs instead, where that test's runs came nearest to the targets;
+    4. fill pending designs with a posterior sample each;
+    5. stop if a target is unreachable or going on is futile;
+    6. replicate the winner if that is the shorter way to a certificate, or if the budget ends and it lacks
+       seeds; else search by EI x P(ok), in the last third of the budget by what identifies the parameters.
 
 Everything random is seeded by (spec.seed, number), so a proposal is a pure function of its arguments.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -32,37 +35,69 @@ from worker.optimizer.design import (
     to_unit,
 )
 from worker.optimizer.history import Group, History
+from worker.optimizer.link import Fit
 from worker.optimizer.outlook import Belief, Outlook, build_outlook
+from worker.optimizer.shared_designs import SHARED, is_helped, shared_designs
 from worker.optimizer.stopping import (
     Prospect,
     Stop,
     certified,
+    design_complete,
     futile,
     out_of_budget,
     target_unreachable,
     too_many_failures,
 )
-from worker.optimizer.surrogate import Hyperparameters
 
-FEWEST_ANGLES = 3
+FEWEST_RESULTS = 3
 # Plans longer than this are not told apart: the posterior will have changed before they end.
 LONGEST_PLAN = 24
+# From this share of the budget on a search is for what identifies the parameters (calibration.md decision 8).
+# A study that can be certified has ended by then; what is left of the others is not worth another try at luck.
+IDENTIFY_FROM = 2.0 / 3.0
+
+
+@dataclass(frozen=True)
+class Expected:
+    """One response of a design before it ran; `sd` is inflated."""
+
+    unit: str
+    mean: float
+    sd: float
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What was believed of a design before it ran; `sd_deg` is inflated."""
+    """What was believed of a design before it ran. `expected_miss` as `Outlook.miss` counts."""
 
-    mean_deg: float
-    sd_deg: float
+    responses: Mapping[str, Expected]
     ok_probability: float
     window_probability: float
-    expected_miss_deg: float
+    expected_miss: float
+
+    @property
+    def primary(self) -> Expected:
+        return next(iter(self.responses.values()))
+
+    def as_record(self) -> dict[str, Any]:
+        """JSON; the first response's figures under names that end with its unit."""
+        first = self.primary
+        miss = f"expected_miss_{first.unit}" if len(self.responses) == 1 else "expected_miss"
+        return {
+            f"mean_{first.unit}": first.mean,
+            f"sd_{first.unit}": first.sd,
+            "ok_probability": self.ok_probability,
+            "window_probability": self.window_probability,
+            miss: self.expected_miss,
+            "responses": {
+                name: {"unit": r.unit, "mean": r.mean, "sd": r.sd} for name, r in self.responses.items()
+            },
+        }
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A design to run. `prediction`, `acquisition` and `hyperparameters` are None for the initial design."""
+    """A design to run. `prediction`, `acquisition` and `hyperparameters` are None without a surrogate."""
 
     x: X
     seed: int
@@ -88,48 +123,134 @@ class Options(NamedTuple):
     again_chance: FloatArray
 
 
+class Place(NamedTuple):
+    """Where in a study a proposal is: the design's number, its place on the budget, and what is left with it."""
+
+    number: int
+    position: int
+    left: int
+
+
 def propose(
-    spec: StudySpec, history: History, number: int, hyper: Hyperparameters | None = None
+    spec: StudySpec, history: History, number: int, fits: Mapping[str, Fit] | None = None
 ) -> Proposal | Stop:
-    """Design `number` of the study. `hyper` repeats an earlier proposal from its stored hyper-parameters."""
-    if (stop := too_many_failures(history)) is not None:
-        return stop
-    fitted = build_outlook(spec, history, hyper) if history.succeeded else None
+    """Design `number` of the study by `auto`. `fits` repeats an earlier proposal from its stored surrogates."""
+    early = _before_the_surrogate(spec, history, number)
+    if early is not None:
+        return early
+    fitted = build_outlook(spec, history, fits) if history.succeeded else None
     if fitted is not None and (stop := certified(fitted)) is not None:
         return stop
-    if number > spec.budget:
+    place = place_of(spec, history, number)
+    if place.left < 1:
         return out_of_budget(fitted, spec)
-    initial = initial_count(spec)
-    few = history.succeeded < min(FEWEST_ANGLES, initial)
-    if number <= initial or few:
-        first = _initial(spec, history, number)
-        if first is not None:
-            return first
+    first = _first_design(spec, history, place)
+    if first is not None:
+        return first
     if fitted is None:
-        return Stop("futile", "Every design of the grid was tried and none gave an angle.")
-    return _by_model(spec, history, number, fitted)
+        return Stop("futile", "Every design of the grid was tried and none gave a result.")
+    return _by_model(spec, history, place, fitted)
+
+
+def improve_surrogate(
+    spec: StudySpec, history: History, number: int, fits: Mapping[str, Fit] | None = None
+) -> Proposal | Stop:
+    """Design `number` where the surrogate knows least, weighted with P(ok); no certificate ends it."""
+    early = _before_the_surrogate(spec, history, number)
+    if early is not None:
+        return early
+    fitted = build_outlook(spec, history, fits) if history.succeeded else None
+    place = place_of(spec, history, number)
+    if place.left < 1:
+        return design_complete(fitted, spec, history)
+    first = _first_design(spec, history, place)
+    if first is not None:
+        return first
+    if fitted is None:
+        return design_complete(fitted, spec, history)
+    outlook = _with_fantasies(fitted, history, number)
+    visited = history.visited()
+    search = [x for x in candidates(spec.space, spec.seed, number) if x not in visited]
+    if not search:
+        return design_complete(fitted, spec, history)
+    belief = outlook.believe(search)
+    amplitudes = np.array([[s.hyper.amplitude] for s in outlook.surrogates])
+    unknown = np.sum((belief.sds / amplitudes) ** 2, axis=0) * belief.ok
+    best = int(np.argmax(unknown))
+    expected = _told(outlook, belief, best)
+    reason = f"Where the surrogate knows least and runs succeed: {expected}."
+    chosen = Chosen(search[best], "model", _prediction(outlook, belief, best), float(unknown[best]), reason)
+    return _proposal(outlook, history, number, chosen)
+
+
+def place_of(spec: StudySpec, history: History, number: int) -> Place:
+    """Coarse runs and imported rows have numbers, but no place on the budget."""
+    position = number - history.free
+    return Place(number, position, spec.budget - position + 1)
+
+
+def _before_the_surrogate(spec: StudySpec, history: History, number: int) -> Proposal | Stop | None:
+    if (stop := too_many_failures(history)) is not None:
+        return stop
+    return _coarse(spec, history, number)
+
+
+def _coarse(spec: StudySpec, history: History, number: int) -> Proposal | None:
+    """The coarse prior's next run: the initial design's points, since the box is all that is known of it."""
+    made = len(history.coarse) + len(history.coarse_pending)
+    if spec.coarse is None or made >= spec.coarse.runs:
+        return None
+    tried = {d.x for d in history.coarse} | {p.x for p in history.coarse_pending}
+    x = next((x for x in initial_design(spec.space, spec.seed, spec.coarse.runs) if x not in tried), None)
+    if x is None:
+        return None
+    seed = simulation_seed(spec.seed, number, history.seeds_used(x))
+    which = f"Coarse run {made + 1} of {spec.coarse.runs} at scale {spec.coarse.scale:g}"
+    reason = f"{which}: cheap knowledge of the box."
+    return Proposal(x, seed, "coarse", None, None, reason, history.training_hash, None, spec.coarse.scale)
 
 
 def initial_count(spec: StudySpec) -> int:
     """Initial designs that are run: a small budget keeps its last runs for the winner's seeds."""
-    return min(spec.initial_designs, max(FEWEST_ANGLES, spec.budget - spec.replicates + 1))
+    return min(spec.initial_designs, max(FEWEST_RESULTS, spec.budget - spec.replicates + 1))
 
 
-def _initial(spec: StudySpec, history: History, number: int) -> Proposal | None:
+def _first_design(spec: StudySpec, history: History, place: Place) -> Proposal | None:
+    """A design that no surrogate chooses; None once there are enough of them."""
+    if is_helped(spec, history):
+        if place.position <= SHARED or history.succeeded < SHARED:
+            return _shared(spec, history, place)
+        return None
+    few = history.succeeded < min(FEWEST_RESULTS, initial_count(spec))
+    return _initial(spec, history, place) if place.position <= initial_count(spec) or few else None
+
+
+def _shared(spec: StudySpec, history: History, place: Place) -> Proposal | None:
+    x = next((x for x in shared_designs(spec, history) if x not in history.visited()), None)
+    if x is None:
+        return _initial(spec, history, place)
+    reason = (
+        "Run elsewhere too, and among the nearest to the target there: it measures how the two tests differ."
+    )
+    seed = simulation_seed(spec.seed, place.number, history.seeds_used(x))
+    return Proposal(x, seed, "doe", None, None, reason, history.training_hash, None, spec.scale)
+
+
+def _initial(spec: StudySpec, history: History, place: Place) -> Proposal | None:
     visited = history.visited()
-    count = max(spec.initial_designs, number) + len(visited)
+    count = max(spec.initial_designs, place.position) + len(visited)
     fresh = [x for x in initial_design(spec.space, spec.seed, count) if x not in visited]
     if not fresh:
         return None
-    last = max(number, initial_count(spec))
-    reason = f"Initial design {number} of {last}: spread over the box to learn its shape."
-    seed = simulation_seed(spec.seed, number, history.seeds_used(fresh[0]))
+    last = max(place.position, initial_count(spec))
+    reason = f"Initial design {place.position} of {last}: spread over the box to learn its shape."
+    seed = simulation_seed(spec.seed, place.number, history.seeds_used(fresh[0]))
     return Proposal(fresh[0], seed, "doe", None, None, reason, history.training_hash, None, spec.scale)
 
 
-def _by_model(spec: StudySpec, history: History, number: int, fitted: Outlook) -> Proposal | Stop:
+def _by_model(spec: StudySpec, history: History, place: Place, fitted: Outlook) -> Proposal | Stop:
+    number, left = place.number, place.left
     outlook = _with_fantasies(fitted, history, number)
-    left = spec.budget - number + 1
     options = _options(outlook, history, number, left)
     # Judged on finished designs alone: a fantasy is no evidence.
     evidence = _options(fitted, history, number, left) if history.pending else options
@@ -146,6 +267,8 @@ def _by_model(spec: StudySpec, history: History, number: int, fitted: Outlook) -
     replicate = _best_replicate(options)
     if replicate is not None:
         return _replicate(outlook, history, number, replicate)
+    if place.position > IDENTIFY_FROM * spec.budget:
+        return _identify(outlook, history, number, options)
     return _search(outlook, history, number, options)
 
 
@@ -154,16 +277,14 @@ def _with_fantasies(fitted: Outlook, history: History, number: int) -> Outlook:
     if not history.pending:
         return fitted
     u = to_unit(fitted.spec.space, [p.x for p in history.pending])
-    mean, covariance = fitted.surrogate.covariance(u)
     stream = generator(STREAM_FANTASY, fitted.spec.seed, number)
-    noise = fitted.surrogate.hyper.noise_sd_deg
-    # The noise on the diagonal also keeps the covariance of two seeds at one x positive definite.
-    root = np.linalg.cholesky(covariance + noise**2 * np.eye(len(u)))
-    angles = mean + root @ stream.standard_normal(len(u))
-    rows = [(tuple(point), float(angle)) for point, angle in zip(u.tolist(), angles, strict=True)]
-    return Outlook(
-        fitted.spec, fitted.surrogate.with_runs(rows), fitted.crashes, fitted.inflation, fitted.groups
-    )
+    values = []
+    for surrogate in fitted.surrogates:
+        mean, covariance = surrogate.covariance(u)
+        # The noise on the diagonal also keeps the covariance of two seeds at one x positive definite.
+        root = np.linalg.cholesky(covariance + surrogate.hyper.noise_sd**2 * np.eye(len(u)))
+        values.append(mean + root @ stream.standard_normal(len(u)))
+    return fitted.with_runs(u, np.array(values))
 
 
 def _options(outlook: Outlook, history: History, number: int, left: int) -> Options:
@@ -175,10 +296,10 @@ def _options(outlook: Outlook, history: History, number: int, left: int) -> Opti
         search = list(dict.fromkeys(search + [x for x in near if x not in visited]))
     groups = [g for g in outlook.evaluated() if not g.failures]
     belief = outlook.believe(search)
-    need, chance = _effort(outlook, belief, np.full(len(search), float(spec.replicates)), left)
+    need, chance = _effort(outlook, belief, np.full(len(search), float(outlook.own_seeds)), left)
     waiting = [p.x for p in history.pending]
     seeds = [g.runs + waiting.count(g.x) for g in groups]
-    lacking = np.array([max(1.0, float(spec.replicates - n)) for n in seeds])
+    lacking = np.array([max(1.0, float(outlook.own_seeds - n)) for n in seeds])
     again, again_chance = _effort(outlook, outlook.believe([g.x for g in groups]), lacking, left)
     return Options(search, belief, outlook.gain(belief), need, chance, groups, again, again_chance)
 
@@ -186,9 +307,7 @@ def _options(outlook: Outlook, history: History, number: int, left: int) -> Opti
 def _effort(
     outlook: Outlook, belief: Belief, missing: FloatArray, left: int
 ) -> tuple[FloatArray, FloatArray]:
-    sigma, most = outlook.surrogate.hyper.noise_sd_deg, min(left, LONGEST_PLAN)
-    response = outlook.spec.primary
-    need, chance = effort(belief.mean, belief.sd, missing, most, sigma, outlook.inflation, response)
+    need, chance = effort(outlook.courses(belief), missing, min(left, LONGEST_PLAN))
     return need / outlook.usable(belief), chance * belief.ok
 
 
@@ -223,59 +342,89 @@ def _unconfirmed(outlook: Outlook, history: History, left: int) -> Group | None:
     return winner if lacking[winner.x] > 0 else None
 
 
+class Chosen(NamedTuple):
+    """A design, and all that is told about why."""
+
+    x: X
+    origin: str
+    prediction: Prediction
+    acquisition: float | None
+    reason: str
+
+
 def _confirm(outlook: Outlook, history: History, number: int, group: Group) -> Proposal:
     prediction = _prediction(outlook, outlook.believe([group.x]), 0)
     reason = (
         f"Another seed of design {group.numbers[0]}, the best so far: the last runs show how far its "
-        f"angle scatters."
+        f"results scatter."
     )
-    return _proposal(outlook, history, number, group.x, "replicate", prediction, None, reason)
+    return _proposal(outlook, history, number, Chosen(group.x, "replicate", prediction, None, reason))
 
 
 def _replicate(outlook: Outlook, history: History, number: int, group: Group) -> Proposal:
     belief = outlook.believe([group.x])
-    prediction = _prediction(outlook, belief, 0)
     reason = (
         f"Another seed of design {group.numbers[0]}, the shortest way to a certificate: "
-        f"{prediction.mean_deg:.1f} +- {prediction.sd_deg:.1f} deg from {group.runs} so far."
+        f"{_told(outlook, belief, 0)} from {group.runs} so far."
     )
-    return _proposal(outlook, history, number, group.x, "replicate", prediction, None, reason)
+    prediction = _prediction(outlook, belief, 0)
+    return _proposal(outlook, history, number, Chosen(group.x, "replicate", prediction, None, reason))
 
 
 def _search(outlook: Outlook, history: History, number: int, options: Options) -> Proposal:
     best = int(np.argmax(options.gain))
-    prediction = _prediction(outlook, options.belief, best)
     reason = (
-        f"Largest expected gain on the best design so far: "
-        f"{prediction.mean_deg:.1f} +- {prediction.sd_deg:.1f} deg expected, "
-        f"{100 * prediction.ok_probability:.0f} % likely to run."
+        f"Largest expected gain on the best design so far: {_told(outlook, options.belief, best)} expected"
     )
-    gain = float(options.gain[best])
-    return _proposal(outlook, history, number, options.search[best], "model", prediction, gain, reason)
+    return _unseen(outlook, history, number, options, (best, float(options.gain[best]), reason))
+
+
+def _identify(outlook: Outlook, history: History, number: int, options: Options) -> Proposal:
+    worth = outlook.identifying(options.belief)
+    best = int(np.argmax(worth))
+    reason = (
+        f"The last third of the budget tells which parameters the target allows: here it may be met, and "
+        f"{_told(outlook, options.belief, best)} is known least"
+    )
+    return _unseen(outlook, history, number, options, (best, float(worth[best]), reason))
+
+
+def _unseen(
+    outlook: Outlook, history: History, number: int, options: Options, found: tuple[int, float, str]
+) -> Proposal:
+    best, acquisition, reason = found
+    prediction = _prediction(outlook, options.belief, best)
+    told = f"{reason}, {100 * prediction.ok_probability:.0f} % likely to run."
+    chosen = Chosen(options.search[best], "model", prediction, acquisition, told)
+    return _proposal(outlook, history, number, chosen)
+
+
+def _told(outlook: Outlook, belief: Belief, i: int) -> str:
+    """Every response of a design as `30.1 +- 0.4 deg`."""
+    parts = []
+    for j, response in enumerate(outlook.spec.responses):
+        unit = response.meaning.unit
+        figures = ".1f" if unit == "deg" else ".3g"
+        parts.append(f"{belief.means[j, i]:{figures}} +- {belief.wides[j, i]:{figures}} {unit}")
+    return ", ".join(parts)
 
 
 def _prediction(outlook: Outlook, belief: Belief, i: int) -> Prediction:
     return Prediction(
-        mean_deg=float(belief.mean[i]),
-        sd_deg=float(belief.wide[i]),
+        responses={
+            r.observable: Expected(r.meaning.unit, float(belief.means[j, i]), float(belief.wides[j, i]))
+            for j, r in enumerate(outlook.spec.responses)
+        },
         ok_probability=float(belief.ok[i]),
         window_probability=float(outlook.in_window(belief)[i]),
-        expected_miss_deg=float(outlook.miss(belief)[i]),
+        expected_miss=float(outlook.miss(belief)[i]),
     )
 
 
-def _proposal(
-    outlook: Outlook,
-    history: History,
-    number: int,
-    x: X,
-    origin: str,
-    prediction: Prediction,
-    acquisition: float | None,
-    reason: str,
-) -> Proposal:
+def _proposal(outlook: Outlook, history: History, number: int, chosen: Chosen) -> Proposal:
+    x, origin, prediction, acquisition, reason = chosen
     seed = simulation_seed(outlook.spec.seed, number, history.seeds_used(x))
-    hyper = outlook.surrogate.hyper.as_dict()
+    fits = {name: fit.as_dict() for name, fit in outlook.fits.items()}
     return Proposal(
-        x, seed, origin, prediction, acquisition, reason, history.training_hash, hyper, outlook.spec.scale
+        x, seed, origin, prediction, acquisition, reason, history.training_hash, fits, outlook.spec.scale
     )

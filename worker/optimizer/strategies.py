@@ -1,152 +1,54 @@
-"""Ways to choose designs behind one ask/tell interface: `auto`, and the rivals it is measured against.
+"""The strategies that a study may name, behind one ask/tell interface.
 
 A strategy is a pure function of (spec, history, number), as `proposal.propose` is; what it was told is the
-history. The rivals have no certificate and recommend the best observed design, as is usual.
+history. The design to use is for all of them the emulator's, over all results; only `auto` spends replicates on
+a certificate, but whoever has the seeds gets it.
 """
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-from collections.abc import Callable
-from typing import Any, Protocol
-
-import numpy as np
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
 
 from service.domain.study import StudySpec
-from worker.optimizer.acquisition import minimum_improvement
-from worker.optimizer.crashes import CrashClassifier
-from worker.optimizer.design import X, candidates, generator, initial_design, simulation_seed, to_unit
+from worker.optimizer.design import X
 from worker.optimizer.history import History
-from worker.optimizer.proposal import Proposal, propose
+from worker.optimizer.plain_designs import REASONS, next_planned
+from worker.optimizer.proposal import Proposal, improve_surrogate, propose
 from worker.optimizer.stopping import Stop, recommend
-from worker.optimizer.surrogate import Surrogate, fit_hyperparameters, training_set
-
-_STREAM_RANDOM, _STREAM_OPTUNA = 200, 201
-# The squared error is scaled to this sd, which suits the surrogate's priors; its noise is taken as a tenth.
-_ERROR_SD, _ERROR_NOISE = 5.0, 0.5
 
 
 class Strategy(Protocol):
-    """What the bench asks of a method."""
+    """Ask for the next design, having told everything in `history`."""
 
-    name: str
+    @property
+    def name(self) -> str: ...
 
     def propose(self, spec: StudySpec, history: History, number: int) -> Proposal | Stop:
         """Design `number`, or why the study ends."""
 
     def recommend(self, spec: StudySpec, history: History) -> X | None:
-        """The design to use; None before any angle."""
+        """The design to use; None before any result."""
 
 
-class Auto:
-    """calibration.md: the optimizer of this package."""
+@dataclass(frozen=True)
+class Own:
+    """A strategy of the service."""
 
-    name = "auto"
+    name: str
+    ask: Callable[[StudySpec, History, int], Proposal | Stop]
 
     def propose(self, spec: StudySpec, history: History, number: int) -> Proposal | Stop:
-        return propose(spec, history, number)
+        return self.ask(spec, history, number)
 
     def recommend(self, spec: StudySpec, history: History) -> X | None:
         best = recommend(spec, history)
         return best.x if best else None
 
 
-class Rival:
-    """A method that only chooses the next x; the rest is common to all rivals."""
-
-    def __init__(self, name: str, choose: Callable[[StudySpec, History, int], X]) -> None:
-        self.name, self._choose = name, choose
-
-    def propose(self, spec: StudySpec, history: History, number: int) -> Proposal | Stop:
-        if number > spec.budget:
-            return Stop("budget", f"All {spec.budget} simulations are spent.", {"budget": float(spec.budget)})
-        x = self._choose(spec, history, number)
-        seed = simulation_seed(spec.seed, number, history.seeds_used(x))
-        origin = "doe" if number <= spec.initial_designs else "model"
-        return Proposal(
-            x, seed, origin, None, None, f"Chosen by {self.name}.", history.training_hash, None, spec.scale
-        )
-
-    def recommend(self, spec: StudySpec, history: History) -> X | None:
-        ran = [d for d in history.finished if d.angle_deg is not None]
-        return min(ran, key=lambda d: squared_error(spec, d.angle_deg or 0.0)).x if ran else None
-
-
-def squared_error(spec: StudySpec, angle_deg: float) -> float:
-    """(angle - target)^2, what the rivals minimise."""
-    return (angle_deg - spec.primary.target) ** 2
-
-
-def _random(spec: StudySpec, _: History, number: int) -> X:
-    stream = generator(_STREAM_RANDOM, spec.seed, number)
-    return spec.space.from_unit(stream.random(spec.space.dimension).tolist())
-
-
-def _kriging_of_squared_error(spec: StudySpec, history: History, number: int) -> X:
-    """The same design, surrogate, classifier and candidates as `auto`; only what is modelled differs."""
-    ran = [d for d in history.finished if d.angle_deg is not None]
-    visited = history.visited()
-    if number <= spec.initial_designs or len(ran) < 3:
-        initial = initial_design(spec.space, spec.seed, number + len(visited))
-        return next(x for x in initial if x not in visited)
-    errors = np.array([squared_error(spec, d.angle_deg or 0.0) for d in ran])
-    scale = max(float(np.std(errors)), 1e-6) / _ERROR_SD
-    rows = [(spec.space.to_unit(d.x), float(e)) for d, e in zip(ran, errors / scale, strict=True)]
-    data = training_set(rows)
-    surrogate = Surrogate(data, fit_hyperparameters(data, _ERROR_NOISE))
-    options = [x for x in candidates(spec.space, spec.seed, number) if x not in visited]
-    u = to_unit(spec.space, options)
-    mean, sd = surrogate.predict(u)
-    tried = to_unit(spec.space, [d.x for d in history.finished])
-    ok = CrashClassifier(tried, np.array([float(d.angle_deg is not None) for d in history.finished]))
-    gain = minimum_improvement(mean, sd, float(np.min(data.y))) * ok.ok_probability(u)
-    return options[int(np.argmax(gain))]
-
-
-def _optuna(sampler: Callable[[Any, int], Any]) -> Callable[[StudySpec, History, int], X]:
-    """Optuna told the whole history anew for every design; a failed run is a failed trial."""
-
-    def choose(spec: StudySpec, history: History, number: int) -> X:
-        optuna: Any = importlib.import_module("optuna")
-        optuna.logging.set_verbosity(optuna.logging.ERROR)
-        seed = int(generator(_STREAM_OPTUNA, spec.seed, number).integers(2**31))
-        study = optuna.create_study(sampler=sampler(optuna.samplers, seed))
-        box = {v.name: optuna.distributions.FloatDistribution(v.lower, v.upper) for v in spec.space.variables}
-        states = optuna.trial.TrialState
-        for d in history.finished:
-            failed = d.angle_deg is None
-            study.add_trial(
-                optuna.trial.create_trial(
-                    params=spec.space.as_dict(d.x),
-                    distributions=box,
-                    value=None if failed else squared_error(spec, d.angle_deg or 0.0),
-                    state=states.FAIL if failed else states.COMPLETE,
-                )
-            )
-        asked = study.ask(box).params
-        return spec.space.from_unit(spec.space.to_unit([asked[name] for name in spec.space.names]))
-
-    return choose
-
-
-def _tpe(samplers: Any, seed: int) -> Any:
-    return samplers.TPESampler(seed=seed, n_startup_trials=6)
-
-
-def _gp_sampler(samplers: Any, seed: int) -> Any:
-    return samplers.GPSampler(seed=seed, n_startup_trials=6)
-
-
-def available() -> dict[str, Strategy]:
-    """Every strategy that can run here; Optuna's only where it (and, for its GP, torch) is installed."""
-    found: list[Strategy] = [
-        Auto(),
-        Rival("squared_error", _kriging_of_squared_error),
-        Rival("random", _random),
-    ]
-    if importlib.util.find_spec("optuna"):
-        found.append(Rival("optuna_tpe", _optuna(_tpe)))
-        if importlib.util.find_spec("torch"):
-            found.append(Rival("optuna_gp", _optuna(_gp_sampler)))
-    return {strategy.name: strategy for strategy in found}
+BY_NAME: Mapping[str, Strategy] = {
+    "auto": Own("auto", propose),
+    "improve_surrogate": Own("improve_surrogate", improve_surrogate),
+    **{name: Own(name, next_planned) for name in REASONS},
+}

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import expit
@@ -28,6 +29,9 @@ CASES = {
     "sinter": Response(ANGLE, 31.0, (29.0, 33.0), 0.5),
     "pellet": Response(ANGLE, 25.5, (25.0, 26.0), 0.5),
 }
+
+# Another test turns about this angle; see SyntheticRig.
+PIVOT_DEG = 30.0
 
 
 def _saturate(a: FloatArray) -> FloatArray:
@@ -49,9 +53,23 @@ def crash_probability(x: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class SyntheticRig:
-    """Runs a design: a pure function of (x, seed), as the DEM is."""
+    """Runs a design: a pure function of (x, seed), as the DEM is.
+
+    `ratio`, `shift_deg` and `wave_deg` make it another test, whose angle is
+    `30 + shift + ratio (angle - 30) + wave sin(6 u_r + 3 u_e)`.
+    """
 
     noise_sd_deg: float = NOISE_SD_DEG
+    ratio: float = 1.0
+    shift_deg: float = 0.0
+    wave_deg: float = 0.0
+
+    def mean(self, x: FloatArray) -> FloatArray:
+        """Noiseless angle of this rig at designs x (k, 4)."""
+        _, _, e, r = np.asarray(x, dtype=np.float64).T
+        wave = np.sin(6.0 * (r - 0.05) / 0.55 + 3.0 * (e - 0.1) / 0.5)
+        angle = PIVOT_DEG + self.shift_deg + self.ratio * (true_angle(x) - PIVOT_DEG) + self.wave_deg * wave
+        return np.asarray(angle)
 
     def run(self, x: X, seed: int) -> dict[str, float] | None:
         """Results by observable; None after a crash."""
@@ -59,11 +77,19 @@ class SyntheticRig:
         point = np.array([x])
         if stream.random() < float(crash_probability(point)[0]):
             return None
-        return {ANGLE: float(true_angle(point)[0]) + self.noise_sd_deg * float(stream.normal())}
+        return {ANGLE: float(self.mean(point)[0]) + self.noise_sd_deg * float(stream.normal())}
 
 
-def study(case: str, seed: int, budget: int = 40, parallel: int = 1) -> StudySpec:
+# At the coarse scale: steeper, higher by 1.5 deg, and 0.5 deg of its own shape.
+COARSE_RIG = SyntheticRig(ratio=1.06, shift_deg=1.5, wave_deg=0.5)
+# The rig of an earlier study: another batch of the material.
+EARLIER_RIG = SyntheticRig(ratio=0.95, shift_deg=-1.0, wave_deg=0.5)
+COARSE_SCALE = 2.0
+
+
+def study(case: str, seed: int, budget: int = 40, parallel: int = 1, **changes: Any) -> StudySpec:
     """The study of one case over the paper's default space."""
     if not math.isfinite(budget) or case not in CASES:
         raise ValueError(f"case {case!r} is not one of {', '.join(CASES)}")
-    return StudySpec(case, 1.0, default_space(), (CASES[case],), budget=budget, parallel=parallel, seed=seed)
+    given = {"budget": budget, "parallel": parallel, "seed": seed, **changes}
+    return StudySpec(case, 1.0, default_space(), (CASES[case],), **given)

@@ -7,11 +7,15 @@ import pytest
 
 from service.domain.study import Response
 from worker.optimizer.acquisition import (
+    Course,
     certifiable_means,
     certificate_chance,
+    counting_sd,
     effort,
     expected_improvement,
     expected_miss,
+    joint_improvement,
+    joint_miss,
     minimum_improvement,
     window_probability,
 )
@@ -76,7 +80,7 @@ def test_certificate_chance_is_the_monte_carlo_share_of_certified_futures() -> N
     updated = s_r**2 * (m / s**2 + r * mean_of_runs / sigma**2)
     lower, upper = certifiable_means(one(s_r), response)
     share = np.mean((updated >= lower[0]) & (updated <= upper[0]))
-    found = certificate_chance(one(m), one(s), r, sigma, 1.0, response)[0]
+    found = certificate_chance([Course(response, one(m), one(s), sigma, 1.0)], r)[0]
     assert 0.05 < share < 0.95
     assert found == pytest.approx(share, abs=0.005)
 
@@ -84,8 +88,43 @@ def test_certificate_chance_is_the_monte_carlo_share_of_certified_futures() -> N
 def test_effort_counts_the_seeds_that_are_missing() -> None:
     """A posterior that is certain needs exactly the missing seeds, and none of it is left to chance."""
     response = Response("angle_deg", 30.0, (28.5, 31.5), 0.5)
-    need, chance = effort(
-        np.full(3, 30.0), np.full(3, 1e-3), np.array([1.0, 2.0, 3.0]), 9, 0.5, 1.0, response
-    )
+    sure = Course(response, np.full(3, 30.0), np.full(3, 1e-3), 0.5, 1.0)
+    need, chance = effort([sure], np.array([1.0, 2.0, 3.0]), 9)
     assert need == pytest.approx([1.0, 2.0, 3.0])
     assert chance == pytest.approx(1.0)
+
+
+TWO = np.array([[30.0, 31.0, 34.0], [4.0, 5.0, 4.5]]), np.array([[0.6, 0.4, 1.0], [0.3, 0.2, 0.5]])
+TARGETS, TAUS = np.array([30.5, 4.4]), np.array([0.75, 0.25])
+
+
+def test_one_response_by_the_fixed_normals_is_the_closed_form() -> None:
+    m, s = np.array([29.0, 30.0, 31.5]), np.array([0.4, 0.8, 1.2])
+    tau = np.array([0.5])
+    miss = joint_miss(m[None], s[None], np.array([30.0]), tau)
+    assert tau * miss == pytest.approx(expected_miss(m, s, 30.0), abs=0.01)
+    gain = joint_improvement(m[None], s[None], np.array([30.0]), tau, 1.2)
+    assert tau * gain == pytest.approx(expected_improvement(m, s, 30.0, 0.6), abs=0.01)
+
+
+def test_several_responses_against_plain_monte_carlo() -> None:
+    z = np.random.default_rng(1).standard_normal((200_000, 2, 1))
+    chi = np.sqrt(np.sum(((TWO[0] + z * TWO[1] - TARGETS[:, None]) / TAUS[:, None]) ** 2, axis=1))
+    assert joint_miss(*TWO, TARGETS, TAUS) == pytest.approx(chi.mean(axis=0), rel=0.01)
+    expected = np.maximum(1.5 - chi, 0.0).mean(axis=0)
+    assert joint_improvement(*TWO, TARGETS, TAUS, 1.5) == pytest.approx(expected, abs=0.01)
+
+
+def test_a_response_counts_with_the_labs_sd_and_a_quarter_of_its_window() -> None:
+    assert counting_sd(Response("angle_deg", 30.0, (28.4, 31.6), 0.5, 0.6)) == pytest.approx(1.0)
+
+
+def test_a_certificate_of_two_responses_has_the_chance_of_both() -> None:
+    angle = Response("angle_deg", 30.0, (28.5, 31.5), 0.5)
+    mass = Response("mass_on_base_kg", 4.0, (3.0, 5.0), 0.3)
+    courses = [Course(angle, one(30.2), one(0.6), 0.5, 1.0), Course(mass, one(4.1), one(0.4), 0.2, 1.0)]
+    alone = [certificate_chance([course], 4)[0] for course in courses]
+    both = certificate_chance(courses, 4)[0]
+    # The windows are wide here, so that sharing the .99 between them changes nothing.
+    assert both == pytest.approx(alone[0] * alone[1], abs=1e-3)
+    assert 0.05 < both < min(alone)

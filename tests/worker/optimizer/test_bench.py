@@ -8,7 +8,7 @@ import math
 import pytest
 
 from worker.optimizer.__main__ import main
-from worker.optimizer.bench import _quantile, bench
+from worker.optimizer.bench import Bench, _quantile, bench
 from worker.optimizer.synthetic import CASES
 
 KEYS = {
@@ -42,6 +42,8 @@ def test_json_has_a_row_for_each_method_and_case(capsys: pytest.CaptureFixture[s
         (["bench", "--seeds", "many"], "'many'"),
         (["bench", "--parallel", "-1"], "--parallel"),
         (["bench", "--method", "luck"], "'luck'"),
+        (["bench", "--noise", "-1"], "--noise"),
+        (["bench", "--noise", "loud"], "'loud'"),
         ([], "command"),
     ],
 )
@@ -65,7 +67,7 @@ def test_studies_without_a_certificate_count_as_infinite() -> None:
 @pytest.mark.slow
 def test_the_marks_of_the_bench() -> None:
     """Issue 4: medians 12, 12, 18; .85 truly within .5 deg; crash share .07; coverage .85 to .95."""
-    rows = {row.case: row for row in bench(30, methods=["auto"])}
+    rows = {row.case: row for row in bench(Bench(30), ["auto"])}
     for case, median in (("coke", 12), ("sinter", 12), ("pellet", 18)):
         row = rows[case]
         assert row.certified_median is not None

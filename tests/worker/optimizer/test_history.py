@@ -1,4 +1,4 @@
-"""Groups, the noise estimate by hand, and the training hash."""
+"""Groups, what costs budget, and the training hash."""
 
 from __future__ import annotations
 
@@ -24,16 +24,10 @@ def test_groups_join_the_seeds_of_one_x() -> None:
     assert (second.numbers, second.angles_deg, second.failures) == ((2, 4), (25.0,), 1)
 
 
-def test_pooled_noise_and_its_shrinkage_by_hand() -> None:
-    """One pair 1 deg apart: s^2 = .5 with 1 degree of freedom; prior .25 with 4: (4 * .25 + .5) / 5 = .3."""
-    history = History(DESIGNS)
-    assert history.replicate_sd_deg() == pytest.approx(math.sqrt(0.5))
-    assert history.noise_sd_deg() == pytest.approx(math.sqrt(0.3))
-
-
-def test_without_replicates_the_noise_is_the_prior() -> None:
-    assert History(DESIGNS[:2]).replicate_sd_deg() is None
-    assert History().noise_sd_deg() == pytest.approx(0.5)
+def test_free_designs_are_those_that_were_known_and_the_coarse_ones() -> None:
+    coarse = (Design(5, A, 1, at(30.0), "coarse", 2.0),)
+    known = (*DESIGNS, Design(6, B, 9, at(25.0), "import"))
+    assert History(known, coarse=coarse, coarse_pending=(Pending(7, B, 2, "coarse", 2.0),)).free == 3
 
 
 def test_training_hash_ignores_order_and_sees_every_result() -> None:

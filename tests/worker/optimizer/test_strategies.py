@@ -1,41 +1,68 @@
-"""One conformance suite for every strategy, and the synthetic rig against its formula."""
+"""One conformance suite for every strategy, the service's and the rivals of the bench."""
 
 from __future__ import annotations
 
-import numpy as np
+import dataclasses
+
 import pytest
 
+from service.domain.strategy import STRATEGIES
+from service.domain.study import StudySpec, TableRow
+from tests.worker.optimizer.studies import at
 from worker.optimizer.bench import play, seen_by
-from worker.optimizer.stopping import Stop
-from worker.optimizer.strategies import Strategy, available
-from worker.optimizer.synthetic import SyntheticRig, crash_probability, study, true_angle
+from worker.optimizer.history import Design, History, Pending
+from worker.optimizer.proposal import Proposal
+from worker.optimizer.rivals import rivals
+from worker.optimizer.stopping import Stop, recommend
+from worker.optimizer.strategies import BY_NAME, Strategy
+from worker.optimizer.synthetic import SyntheticRig, study
 
-STRATEGIES = list(available().values())
+ALL = [*BY_NAME.values(), *rivals().values()]
+ROWS = tuple(
+    TableRow(dict(zip(study("coke", 1).space.names, x, strict=True)))
+    for x in ((0.5, 0.5, 0.3, 0.3), (0.7, 0.2, 0.5, 0.4), (0.333, 0.5, 0.3, 0.3), (0.5, 0.5, 0.3, 0.3))
+)
+BUDGET = 17
 
 
-@pytest.fixture(params=STRATEGIES, ids=lambda s: s.name)
+@pytest.fixture(params=ALL, ids=lambda s: s.name)
 def strategy(request: pytest.FixtureRequest) -> Strategy:
     found: Strategy = request.param
     return found
 
 
+def spec_for(strategy: Strategy, budget: int = BUDGET, parallel: int = 1) -> StudySpec:
+    """A study that names the strategy; a rival needs no name."""
+    name = strategy.name if strategy.name in STRATEGIES else "auto"
+    table = ROWS if name == "table" else ()
+    return study("coke", 5, budget, parallel, strategy=name, table=table)
+
+
+def test_every_strategy_that_a_study_may_name_is_there() -> None:
+    assert set(BY_NAME) == set(STRATEGIES)
+
+
 @pytest.mark.parametrize("parallel", [1, 3])
 def test_a_strategy_keeps_the_contract(strategy: Strategy, parallel: int) -> None:
-    spec = study("coke", 5, budget=10, parallel=parallel)
+    spec = spec_for(strategy, parallel=parallel)
     designs, stop = play(strategy, spec, SyntheticRig())
     assert isinstance(stop, Stop)
-    assert 6 <= len(designs) <= 10
+    assert stop.text.endswith(".")
+    assert 4 <= len(designs) <= BUDGET
     assert [d.number for d in designs] == list(range(1, len(designs) + 1))
     assert len({(d.x, d.seed) for d in designs}) == len(designs)
+    assert {d.origin for d in designs} <= {"doe", "model", "replicate"}
     for d in designs:
-        assert d.x == tuple(v.snap(a) for v, a in zip(spec.space.variables, d.x, strict=True))
-    assert strategy.recommend(spec, seen_by(designs, 11, spec)) in {d.x for d in designs}
+        assert all(v.lower <= a <= v.upper for v, a in zip(spec.space.variables, d.x, strict=True))
+        if spec.strategy != "table":
+            assert d.x == tuple(v.snap(a) for v, a in zip(spec.space.variables, d.x, strict=True))
+    assert strategy.recommend(spec, seen_by(designs, BUDGET + 1, spec)) in {d.x for d in designs}
 
 
 def test_a_strategy_is_a_pure_function(strategy: Strategy) -> None:
-    spec = study("sinter", 6, budget=9)
+    spec = spec_for(strategy)
     designs, _ = play(strategy, spec, SyntheticRig())
-    for number in (1, 7, 8):
+    for number in (1, 4, min(9, len(designs))):
         history = seen_by(designs[: number - 1], number, spec)
         first, again = (strategy.propose(spec, history, number) for _ in range(2))
         assert first == again
@@ -43,21 +70,65 @@ def test_a_strategy_is_a_pure_function(strategy: Strategy) -> None:
         assert first.x == designs[number - 1].x
 
 
-def test_the_synthetic_angle_by_hand() -> None:
-    """pp = .2, pw = .3, e = .1, r = .25: 14.5 + 9 S(1) + 18 S(1) S(2/3) + 1.5 S(1)."""
-    s1, s23 = 1.0 - np.exp(-1.0), 1.0 - np.exp(-2.0 / 3.0)
-    expected = 14.5 + 9.0 * s1 + 18.0 * s1 * s23 + 1.5 * s1
-    assert true_angle(np.array([[0.2, 0.3, 0.1, 0.25]]))[0] == pytest.approx(expected)
+def test_a_strategy_never_runs_over_its_budget(strategy: Strategy) -> None:
+    spec = spec_for(strategy)
+    numbers = range(1, BUDGET + 1)
+    spent = tuple(Design(n, (0.3 + 0.01 * n, 0.5, 0.3, 0.3), n, at(20.0 + n), "manual") for n in numbers)
+    assert isinstance(strategy.propose(spec, History(spent), BUDGET + 1), Stop)
 
 
-def test_a_tenth_of_the_synthetic_space_crashes() -> None:
-    u = np.random.default_rng(0).random((100_000, 4))
-    x = np.array([0.1, 0.1, 0.1, 0.05]) + u * np.array([0.8, 0.8, 0.5, 0.55])
-    assert np.mean(crash_probability(x)) == pytest.approx(0.096, abs=0.004)
+def test_coarse_runs_and_known_rows_cost_no_budget(strategy: Strategy) -> None:
+    spec = spec_for(strategy)
+    known = tuple(
+        Design(n, (0.3 + 0.01 * n, 0.5, 0.3, 0.3), n, at(20.0), "import") for n in range(1, BUDGET + 1)
+    )
+    if strategy.name in STRATEGIES:
+        assert isinstance(strategy.propose(spec, History(known), BUDGET + 1), Proposal)
 
 
-def test_the_rig_answers_the_same_to_the_same_question() -> None:
-    rig, x = SyntheticRig(), (0.5, 0.5, 0.3, 0.3)
-    assert rig.run(x, 1) == rig.run(x, 1) != rig.run(x, 2)
-    sample = [rig.run(x, seed) or 0.0 for seed in range(400)]
-    assert np.std(sample) == pytest.approx(0.5, abs=0.06)
+def test_most_designs_failing_pauses_whatever_the_strategy() -> None:
+    broken = tuple(
+        Design(n, (0.3, 0.5, 0.3, 0.3), n, at(None if n < 4 else 30.0), "doe") for n in range(1, 6)
+    )
+    for strategy in BY_NAME.values():
+        spec = spec_for(strategy)
+        stop = strategy.propose(spec, History(broken), 6)
+        assert isinstance(stop, Stop)
+        assert (stop.reason, stop.numbers) == ("too_many_failures", {"failed": 3.0, "finished": 5.0})
+        seen = History(broken, accepted=5)
+        assert isinstance(strategy.propose(spec, seen, 6), Proposal), "a person has seen these and went on"
+
+
+@pytest.mark.parametrize("name", [n for n in STRATEGIES if n != "auto"])
+def test_a_fixed_design_ends_with_its_counts_and_the_emulators_best(name: str) -> None:
+    spec = spec_for(BY_NAME[name])
+    designs, stop = play(BY_NAME[name], spec, SyntheticRig())
+    assert stop.reason == "design_complete"
+    counts = [stop.numbers[verdict] for verdict in ("feasible", "unfeasible", "error")]
+    assert sum(counts) == len(designs)
+    inside = [d for d in designs if d.angle_deg is not None and spec.primary.contains(d.angle_deg)]
+    assert counts[0] == len(inside)
+    best = recommend(spec, History(designs))
+    assert best is not None
+    assert not best.certified, "nothing has its seeds"
+    assert stop.numbers["expected_miss_deg"] == best.primary.expected_miss
+
+
+def test_pending_designs_are_not_asked_for_twice(strategy: Strategy) -> None:
+    spec = spec_for(strategy, parallel=3)
+    first = strategy.propose(spec, History(), 1)
+    assert isinstance(first, Proposal)
+    waiting = History(pending=(Pending(1, first.x, first.seed, first.origin),))
+    second = strategy.propose(spec, waiting, 2)
+    assert isinstance(second, Proposal)
+    assert second.x != first.x
+
+
+def test_a_larger_budget_goes_on_where_the_smaller_ended() -> None:
+    for name in ("sobol", "factorial", "latin_hypercube"):
+        spec = spec_for(BY_NAME[name], 16)
+        designs, _ = play(BY_NAME[name], spec, SyntheticRig())
+        longer = dataclasses.replace(spec, budget=40)
+        answer = BY_NAME[name].propose(longer, History(designs), len(designs) + 1)
+        assert isinstance(answer, Proposal)
+        assert answer.x not in {d.x for d in designs}
