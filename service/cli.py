@@ -11,6 +11,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from datetime import datetime
+from pathlib import Path
 from types import FrameType
 
 import click
@@ -57,6 +58,23 @@ def demo(material: str, scale: float | None, budget: int, seed: int | None, keep
     signal.signal(signal.SIGTERM, _interrupt)
     options = DemoOptions(material, scale, budget, seed, keep_serving)
     sys.exit(run_demo(get_settings(), options, Console()))
+
+
+@cli.command()
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path), help="a folder for the study's files"
+)
+def calibrate(file: Path, out: Path | None) -> None:
+    """Run the study that FILE asks for (the JSON of POST /v1/studies), live, and keep its files."""
+    from service.client import calibrate as calibration
+
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        body = calibration.read_request(file)
+    except calibration.NotARequestError as error:
+        raise click.BadParameter(str(error), param_hint="FILE") from error
+    sys.exit(calibration.calibrate(get_settings(), body, out, Console()))
 
 
 @cli.command()

@@ -19,14 +19,20 @@ FILES = {"export": "study.json", "designs.csv": "designs.csv", "designs.parquet"
 def export_command(study_id: int, out: Path) -> None:
     """Write a study as study.json (`talus import` reads it), its designs as CSV and Parquet."""
     with Client(get_settings().base_url) as client:
-        contents = {file: client.download(study_id, name) for name, file in FILES.items()}
+        for file in write_files(client, study_id, out):
+            click.echo(file)
+
+
+def write_files(client: Client, study_id: int, out: Path) -> list[Path]:
+    """A study's files in the folder `out`. Raises click.BadParameter where it cannot be."""
+    contents = {out / file: client.download(study_id, name) for name, file in FILES.items()}
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for file, content in contents.items():
-            (out / file).write_bytes(content)
-            click.echo(out / file)
+        for path, content in contents.items():
+            path.write_bytes(content)
     except OSError as error:
         raise click.BadParameter(f"{out} cannot be written: {error.strerror}", param_hint="--out") from error
+    return list(contents)
 
 
 @click.command("import")

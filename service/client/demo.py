@@ -15,7 +15,7 @@ from typing import Any
 from rich.console import Console
 from rich.live import Live
 
-from service.client.local_service import running_service
+from service.client.local_service import LocalService, running_service
 from service.client.rest import Client
 from service.client.study_view import StudyView
 from service.client.tables import LiveTable, closing_table, plain_line
@@ -45,24 +45,12 @@ def run_demo(settings: Settings, options: DemoOptions, console: Console) -> int:
     """The exit status. Raises StartupError, RefusedError or ServiceAwayError with a sentence for the user."""
     console.print(f"The service's data is in {settings.data_dir}; starting.", highlight=False, soft_wrap=True)
     with running_service(settings) as service, Client(service.url) as client:
-        started = time.monotonic()
-        study = client.create_study(options.body())
-        page = f"{service.url}/studies/{study['id']}"
-        console.print(f"Study {study['id']} is at {page}", highlight=False)
-        try:
-            with console.status("waiting for the workers: after a change of the code they first compile it"):
-                service.wait_for("dispatcher", "workers")
-            follow(client, study, console)
-            give_up_if_paused(client, study["id"], console)
-        except KeyboardInterrupt:
-            client.cancel_study(study["id"])
-            console.print("The study is cancelled.")
-            raise
-        study = client.study(study["id"])
-        outcome = summarise(study, (time.monotonic() - started) / 60.0)
+        study, minutes = conduct(service, client, options.body(), console)
+        outcome = summarise(study, minutes)
         file = settings.data_dir / "demo.json"
         file.write_text(json.dumps(outcome, indent=2) + "\n", encoding="utf-8")
         tell(outcome, study, console)
+        page = f"{service.url}/studies/{study['id']}"
         console.print(
             f"Page:  {page} (while the service runs: `make serve`)", highlight=False, soft_wrap=True
         )
@@ -71,6 +59,28 @@ def run_demo(settings: Settings, options: DemoOptions, console: Console) -> int:
             console.print("The service goes on; Ctrl-C ends it.")
             wait_for_interrupt()
     return 0 if study["state"] in ("completed", "cancelled") else 1
+
+
+def conduct(
+    service: LocalService, client: Client, body: Mapping[str, Any], console: Console
+) -> tuple[dict[str, Any], float]:
+    """Ask for a study and show it until it is over; its last state, and the minutes that it took.
+
+    Ctrl-C cancels the study. Raises RefusedError or ServiceAwayError with a sentence for the user.
+    """
+    started = time.monotonic()
+    study = client.create_study(dict(body))
+    console.print(f"Study {study['id']} is at {service.url}/studies/{study['id']}", highlight=False)
+    try:
+        with console.status("waiting for the workers: after a change of the code they first compile it"):
+            service.wait_for("dispatcher", "workers")
+        follow(client, study, console)
+        give_up_if_paused(client, study["id"], console)
+    except KeyboardInterrupt:
+        client.cancel_study(study["id"])
+        console.print("The study is cancelled.")
+        raise
+    return client.study(study["id"]), (time.monotonic() - started) / 60.0
 
 
 def give_up_if_paused(client: Client, study_id: int, console: Console) -> None:
