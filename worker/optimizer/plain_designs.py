@@ -28,7 +28,8 @@ from worker.optimizer.design import (
 )
 from worker.optimizer.history import History
 from worker.optimizer.outlook import build_outlook
-from worker.optimizer.proposal import Proposal, place_of
+from worker.optimizer.proposal import place_of
+from worker.optimizer.proposed import Proposal
 from worker.optimizer.stopping import Stop, design_complete, too_many_failures
 
 REASONS: Mapping[str, str] = {

@@ -16,8 +16,7 @@ Everything random is seeded by (spec.seed, number), so a proposal is a pure func
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,6 +36,7 @@ from worker.optimizer.design import (
 from worker.optimizer.history import Group, History
 from worker.optimizer.link import Fit
 from worker.optimizer.outlook import Belief, Outlook, build_outlook
+from worker.optimizer.proposed import Expected, Prediction, Proposal
 from worker.optimizer.shared_designs import SHARED, is_helped, shared_designs
 from worker.optimizer.stopping import (
     Prospect,
@@ -55,59 +55,6 @@ LONGEST_PLAN = 24
 # From this share of the budget on a search is for what identifies the parameters (calibration.md decision 8).
 # A study that can be certified has ended by then; what is left of the others is not worth another try at luck.
 IDENTIFY_FROM = 2.0 / 3.0
-
-
-@dataclass(frozen=True)
-class Expected:
-    """One response of a design before it ran; `sd` is inflated."""
-
-    unit: str
-    mean: float
-    sd: float
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What was believed of a design before it ran. `expected_miss` as `Outlook.miss` counts."""
-
-    responses: Mapping[str, Expected]
-    ok_probability: float
-    window_probability: float
-    expected_miss: float
-
-    @property
-    def primary(self) -> Expected:
-        return next(iter(self.responses.values()))
-
-    def as_record(self) -> dict[str, Any]:
-        """JSON; the first response's figures under names that end with its unit."""
-        first = self.primary
-        miss = f"expected_miss_{first.unit}" if len(self.responses) == 1 else "expected_miss"
-        return {
-            f"mean_{first.unit}": first.mean,
-            f"sd_{first.unit}": first.sd,
-            "ok_probability": self.ok_probability,
-            "window_probability": self.window_probability,
-            miss: self.expected_miss,
-            "responses": {
-                name: {"unit": r.unit, "mean": r.mean, "sd": r.sd} for name, r in self.responses.items()
-            },
-        }
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """A design to run. `prediction`, `acquisition` and `hyperparameters` are None without a surrogate."""
-
-    x: X
-    seed: int
-    origin: str
-    prediction: Prediction | None
-    acquisition: float | None
-    reason: str
-    training_hash: str
-    hyperparameters: dict[str, Any] | None
-    scale: float
 
 
 class Options(NamedTuple):

@@ -18,7 +18,7 @@ from worker.optimizer.crashes import CrashClassifier
 from worker.optimizer.design import X, candidates, generator, initial_design, simulation_seed, to_unit
 from worker.optimizer.history import History
 from worker.optimizer.noise import NoiseEvidence
-from worker.optimizer.proposal import Proposal
+from worker.optimizer.proposed import Proposal
 from worker.optimizer.stopping import Stop
 from worker.optimizer.strategies import Strategy
 from worker.optimizer.surrogate import Surrogate, fit_hyperparameters, training_set

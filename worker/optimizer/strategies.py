@@ -15,7 +15,8 @@ from service.domain.study import StudySpec
 from worker.optimizer.design import X
 from worker.optimizer.history import History
 from worker.optimizer.plain_designs import REASONS, next_planned
-from worker.optimizer.proposal import Proposal, improve_surrogate, propose
+from worker.optimizer.proposal import improve_surrogate, propose
+from worker.optimizer.proposed import Proposal
 from worker.optimizer.stopping import Stop, recommend
 
 

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from service.domain.search_space import SearchSpace, Variable
 from service.domain.study import Response, StudySpec
 from worker.optimizer.history import Design, History, Pending
-from worker.optimizer.proposal import Proposal, propose
+from worker.optimizer.proposal import propose
+from worker.optimizer.proposed import Proposal
 from worker.optimizer.stopping import Stop
 
 PP = "particle_particle_static_friction"

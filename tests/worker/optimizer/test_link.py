@@ -14,7 +14,8 @@ from worker.optimizer.history import Design, History, WarmStudy
 from worker.optimizer.link import Fit, Source, best_surrogate, linked, regress
 from worker.optimizer.noise import NoiseEvidence
 from worker.optimizer.outlook import build_outlook
-from worker.optimizer.proposal import Proposal, propose
+from worker.optimizer.proposal import propose
+from worker.optimizer.proposed import Proposal
 from worker.optimizer.shared_designs import shared_designs
 from worker.optimizer.surrogate import Surrogate, TrainingSet, fit_hyperparameters
 

@@ -14,7 +14,7 @@ from tests.worker.optimizer.studies import at, space, spec_of
 from worker.optimizer.design import to_unit
 from worker.optimizer.history import Design, History
 from worker.optimizer.plain_designs import next_planned, orthogonal_array, plan
-from worker.optimizer.proposal import Proposal
+from worker.optimizer.proposed import Proposal
 from worker.optimizer.stopping import Stop
 
 

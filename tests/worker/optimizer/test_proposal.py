@@ -13,7 +13,8 @@ from tests.worker.optimizer.studies import PP, Rig, at, play, space, spec_of
 from worker.optimizer.design import generator
 from worker.optimizer.history import Design, History, Pending
 from worker.optimizer.link import Fit
-from worker.optimizer.proposal import Proposal, propose
+from worker.optimizer.proposal import propose
+from worker.optimizer.proposed import Proposal
 from worker.optimizer.stopping import Stop, recommend
 
 

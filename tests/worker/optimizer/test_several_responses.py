@@ -8,7 +8,8 @@ from service.domain.study import Response, StudySpec
 from tests.worker.optimizer.studies import space
 from worker.optimizer.design import generator
 from worker.optimizer.history import Design, History
-from worker.optimizer.proposal import Proposal, propose
+from worker.optimizer.proposal import propose
+from worker.optimizer.proposed import Proposal
 from worker.optimizer.stopping import Stop, recommend
 
 ANGLE = Response("angle_deg", 30.0, (28.5, 31.5), 0.5)

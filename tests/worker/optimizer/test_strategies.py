@@ -13,7 +13,7 @@ from tests.worker.optimizer.studies import at
 from worker.optimizer.bench import play, seen_by
 from worker.optimizer.history import Design, History, Pending
 from worker.optimizer.plain_designs import REASONS
-from worker.optimizer.proposal import Proposal
+from worker.optimizer.proposed import Proposal
 from worker.optimizer.rivals import rivals
 from worker.optimizer.stopping import Stop, recommend
 from worker.optimizer.strategies import BY_NAME, Strategy
