@@ -199,7 +199,7 @@ def test_the_lid_has_the_hatch_and_nothing_else_missing():
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = 0.5 * float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
     polygon = 32.0 * math.sin(math.pi / 32.0) * (1.65**2 - 0.3**2)
-    assert area == pytest.approx(polygon - 1.0 * 0.84, rel=1e-9)
+    assert area == pytest.approx(polygon - PLANT.hatch.length * PLANT.hatch.width, rel=1e-9)
     centres = corners.mean(axis=1)
     (x0, y0), (x1, y1) = PLANT.hatch.lower, PLANT.hatch.upper
     inside = (centres[:, 0] > x0) & (centres[:, 0] < x1) & (centres[:, 1] > y0) & (centres[:, 1] < y1)
