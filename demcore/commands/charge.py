@@ -140,7 +140,7 @@ def _tell(result: ChargeResult, folder: Path) -> None:
     rate = summary["particle_steps"] / max(summary["wall_s"], 1e-9)
     print(
         f"simulated {summary['simulated_s']:.1f} s in {summary['wall_s']:.0f} s, {rate:.2e} particle-steps/s\n"
-        f"files in {folder}: charge.vtkhdf, summary.json, plant.png, burden.png, charge.png, curves.png"
+        f"files in {folder}: charge.vtkhdf, summary.json, plant.png, burden.png, charge.png, curves.png, wear.png"
     )
 
 

@@ -12,6 +12,7 @@ from demcore.canvas import FRONT, GREY, INK, SIDE, TOP, Canvas, Colour, fit_fram
 from demcore.experiments.charge_result import ChargeResult
 from demcore.experiments.plant_drawing import draw_walls, jet_line, plant_box
 from demcore.observables.belt_flow import CELL
+from demcore.observables.wear import CELL as WEAR_CELL
 from demcore.picture import save_png, shades
 from demcore.plant.surfaces import BELT as BELT_WALL
 from demcore.plant.surfaces import DRUM, LID, belt_profile
@@ -172,8 +173,30 @@ def _draw_section(canvas: Canvas, result: ChargeResult, x: int, y: int) -> None:
     _legend(canvas, x + 40, y + 300, "diameter / m", low, high)
 
 
+def draw_wear(result: ChargeResult, path: Path) -> None:
+    """What the hopper's walls bear: energy of strikes (left) and load (right), a ball for each cell, by orders of
+    magnitude."""
+    canvas = Canvas(WIDTH, 1290)
+    plant = result.test.plant
+    rim, depth = plant.hopper.rim_radius, plant.hopper.seat_depth
+    lower, upper = np.array([-rim, -rim, -depth]), np.array([rim, rim, 0.1])
+    _, place, values = result.wear.rows()
+    columns = (("energy of strikes, log10 J", values[:, 0]), ("load at the end, log10 N", values[:, 2]))
+    for k, (name, value) in enumerate(columns):
+        there = (value > 0.0) & (place[:, 2] < 0.0)
+        colours, low, high = by_value(np.log10(value[there]))
+        for view, corner in ((TOP, (750 * k, 0, 750, 720)), (FRONT, (750 * k, 720, 750, 510))):
+            frame = fit_frame(view, corner, lower, upper)
+            canvas.spheres(frame, place[there], np.full(int(there.sum()), 0.5 * WEAR_CELL), colours)
+            draw_walls(canvas, frame, plant, (LID, BELT_WALL, DRUM))
+            canvas.caption(frame, view.name)
+        _legend(canvas, 750 * k + 20, 1240, name, low, high)
+    save_png(canvas.image, path)
+
+
 def draw_all(result: ChargeResult, folder: Path) -> None:
-    """burden.png, charge.png and curves.png."""
+    """burden.png, charge.png, curves.png and wear.png."""
+    draw_wear(result, folder / "wear.png")
     draw_burden(result, folder / "burden.png")
     draw_charge(result, folder / "charge.png")
     draw_curves(result, folder / "curves.png")

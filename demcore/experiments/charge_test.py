@@ -6,6 +6,7 @@ import math
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from demcore.case import Case
 from demcore.case_run import CaseRun
@@ -14,13 +15,15 @@ from demcore.experiments.charge_case import ChargeTest
 from demcore.experiments.charge_result import ChargeResult, measure_charge
 from demcore.experiments.charge_run import ChargePlan
 from demcore.geometry.walls import Wall
+from demcore.plant import jet
 from demcore.plant.checks import check_inlet, feed_inlet
 from demcore.region import cylinder
 from demcore.run import OnProgress, Recorder, drive
+from demcore.simulation import SKIN
 
 # The bed on which the rate is taken: grains, and wall-clock seconds to settle and to time it.
 RATE_GRAINS = 600
-SETTLE_WALL_SECONDS, TIMED_WALL_SECONDS = 3.0, 1.0
+SETTLE_WALL_SECONDS, TIMED_WALL_SECONDS, TIMED_SEARCHES = 3.0, 1.0, 20
 
 
 def run_charge(
@@ -49,25 +52,42 @@ def check_feed(test: ChargeTest) -> None:
     check_inlet(test.plant, largest, feed_inlet(test.plant))
 
 
+class Rate(NamedTuple):
+    """What this machine does now on a small bed of a charge's grains: particle-steps a second between two searches
+    for neighbours, and how long a search of so many grains takes, s."""
+
+    particle_steps: float
+    search_seconds: float
+    grains: int
+
+
 @dataclass(frozen=True)
 class Cost:
-    """What a charge will take, from a rate (particle-steps/s) measured on this machine just before."""
+    """What a charge will take, from a rate measured on this machine just before. `present` is the number of grains
+    on average, `searches` for their neighbours: the jet is so fast that these count."""
 
     particles: int
     steps: int
-    particle_steps: float
-    rate: float
+    present: float
+    searches: int
+    rate: Rate
+
+    @property
+    def particle_steps(self) -> float:
+        return self.present * self.steps
 
     @property
     def seconds(self) -> float:
-        """Of wall clock."""
-        return self.particle_steps / self.rate
+        """Of wall clock. A search of few grains takes as long as that of the bed on which it was timed."""
+        search = self.rate.search_seconds * max(1.0, self.present / self.rate.grains)
+        return self.particle_steps / self.rate.particle_steps + self.searches * search
 
     def sentence(self) -> str:
         """For a person, with a warning where it would take days."""
         told = (
             f"about {self.particles} grains, {self.steps} steps, {self.particle_steps:.1e} particle-steps; at "
-            f"{self.rate:.1e} a second, as measured here, {_duration(self.seconds)}"
+            f"{self.rate.particle_steps:.1e} a second and {1e3 * self.rate.search_seconds:.1f} ms for each of "
+            f"{self.searches} searches, as measured here, {_duration(self.seconds)}"
         )
         if self.seconds < 86_400.0:
             return told
@@ -84,12 +104,18 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
-def estimate_cost(test: ChargeTest, rate: float | None = None) -> Cost:
-    """Grains come evenly and stay, so half of them are there on average while they come, all of them at rest."""
+def estimate_cost(test: ChargeTest, rate: Rate | None = None) -> Cost:
+    """Grains come evenly and stay, so half of them are there on average while they come, all of them at rest.
+
+    While the jet falls, its fastest grains cross half the skin in a few steps, and then all are searched anew.
+    """
     dt = test.case.dt
-    grain_seconds = test.expected_particles * (0.5 * test.charge.duration + test.rest_seconds)
+    present = test.expected_particles * (0.5 * test.charge.duration + test.rest_seconds) / test.seconds
+    start = jet.release(test.plant.belt)
+    fastest = math.sqrt(test.plant.belt.speed**2 + 2.0 * 9.81 * (start.z - test.plant.deflector.ridge_height))
+    searches = math.ceil(test.charge.duration * fastest / (0.5 * SKIN * test.case.smallest_radius))
     measured = measure_rate(test) if rate is None else rate
-    return Cost(test.expected_particles, math.ceil(test.seconds / dt), grain_seconds / dt, measured)
+    return Cost(test.expected_particles, math.ceil(test.seconds / dt), present, searches, measured)
 
 
 def rate_case(test: ChargeTest) -> Case:
@@ -106,8 +132,8 @@ def rate_case(test: ChargeTest) -> Case:
     return replace(test.case, walls=walls, feeds=(), fills=(fill,), domain=None)
 
 
-def measure_rate(test: ChargeTest) -> float:
-    """Particle-steps per second of this machine now, on a small bed of the charge's grains."""
+def measure_rate(test: ChargeTest) -> Rate:
+    """The rate of this machine now, on a small bed of the charge's grains."""
     run = CaseRun(rate_case(test))
     s = run.simulation
     s.advance(1)
@@ -116,7 +142,12 @@ def measure_rate(test: ChargeTest) -> float:
     started = time.perf_counter()
     while s.step < falls and time.perf_counter() - started < SETTLE_WALL_SECONDS:
         s.advance(100)
+    started = time.perf_counter()
+    for _ in range(TIMED_SEARCHES):
+        s.stale = True
+        s.advance(1)
+    search = (time.perf_counter() - started) / TIMED_SEARCHES
     started, before = time.perf_counter(), s.particle_steps
     while (spent := time.perf_counter() - started) < TIMED_WALL_SECONDS:
         s.advance(100)
-    return (s.particle_steps - before) / spent
+    return Rate((s.particle_steps - before) / spent, search, s.count)

@@ -7,6 +7,7 @@ without processing, its counts are compared with what the file announces, and th
 from __future__ import annotations
 
 import io
+import os
 import re
 import struct
 import warnings
@@ -106,6 +107,21 @@ def load_mesh(path: Path, units: str | None = None, up_axis: str = "z") -> tuple
     except InputError as error:
         raise InputError(f"{Path(path).name}: {error.field}", error.value, error.allowed) from None
     return mesh, _report(mesh, Path(path).name, units, up_axis, len(vertices) - len(merged))
+
+
+def save_mesh(mesh: TriangleMesh, path: Path, units: str = "mm") -> None:
+    """Write a mesh as STL, OBJ or PLY in these units, whole or not at all; other programs expect millimetres.
+
+    Raises InputError for unknown units or another format.
+    """
+    if units not in UNITS:
+        raise InputError("units", units, "one of " + ", ".join(UNITS))
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"mesh file {path.name}", path.suffix or "no suffix", "one of " + ", ".join(FORMATS))
+    made = trimesh.Trimesh(mesh.vertices / UNITS[units], mesh.faces, process=False)
+    aside = path.with_name(path.name + ".part")
+    made.export(aside, file_type=path.suffix.lower()[1:])
+    os.replace(aside, path)
 
 
 def _rows_of(row: Integers, faces: Integers) -> Integers:

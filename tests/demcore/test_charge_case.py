@@ -11,7 +11,7 @@ import pytest
 from demcore.errors import InputError
 from demcore.experiments.charge_case import ChargeTest, load_charge
 from demcore.experiments.charge_run import BELT, FLIGHT, HOPPER, LOST, places_of
-from demcore.experiments.charge_test import Cost, check_feed, estimate_cost, rate_case
+from demcore.experiments.charge_test import Cost, Rate, check_feed, estimate_cost, rate_case
 from demcore.experiments.pile_case import ContactParameters
 from demcore.plant.plant_file import load_plant
 
@@ -105,18 +105,26 @@ def test_an_inlet_inside_the_belt_is_refused_before_anything_runs():
 
 
 def test_the_cost_counts_grains_from_when_they_come():
-    """Half of 72 s and all of 10 s; a rate of a million a second."""
+    """Half of 72 s and all of 10 s. The jet falls 2.5 m to the ridge, at 7.2 m/s, and crosses a quarter of the
+    smallest radius, 20 mm, in .69 ms."""
     test = charge_test()
-    cost = estimate_cost(test, rate=1e6)
+    cost = estimate_cost(test, Rate(1e6, 1e-3, 600))
     assert cost.steps == math.ceil(82.0 / test.case.dt)
-    assert cost.particle_steps == pytest.approx(test.expected_particles * (36.0 + 10.0) / test.case.dt)
-    assert cost.seconds == pytest.approx(cost.particle_steps / 1e6)
+    assert cost.particle_steps == pytest.approx(
+        test.expected_particles * (36.0 + 10.0) / test.case.dt, rel=1e-6
+    )
+    assert cost.searches == pytest.approx(72.0 * 7.2 / 0.005, rel=0.01)
+    assert cost.seconds == pytest.approx(
+        cost.particle_steps / 1e6 + cost.searches * 1e-3 * cost.present / 600
+    )
+    few = estimate_cost(test, Rate(1e6, 1e-3, 60_000))
+    assert few.seconds == pytest.approx(cost.particle_steps / 1e6 + cost.searches * 1e-3)
     assert "DAYS" not in cost.sentence()
 
 
 def test_a_charge_that_would_take_days_says_so():
     """16 times an hour: half the size. Cost falls with the 4th power of the scale."""
-    told = Cost(1_000_000, 1000, 256.0 * 3600.0, 1.0).sentence()
+    told = Cost(1_000_000, 3600, 256.0, 0, Rate(1.0, 0.0, 600)).sentence()
     assert "10.7 days" in told
     assert "THAT IS DAYS: 4 times as coarse takes an hour" in told
 

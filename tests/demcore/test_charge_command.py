@@ -8,6 +8,7 @@ from PIL import Image
 from demcore.__main__ import main
 from demcore.commands.charge import mass_lines
 from demcore.experiments import charge_test
+from demcore.experiments.charge_test import Rate
 
 
 def refused(arguments, capsys):
@@ -68,7 +69,7 @@ def test_the_plant_is_drawn_and_nothing_run(tmp_path, capsys):
 
 
 def test_the_cost_is_told_and_nothing_written(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(charge_test, "measure_rate", lambda test: 1e3)
+    monkeypatch.setattr(charge_test, "measure_rate", lambda test: Rate(1e3, 1e-3, 600))
     assert main(["charge", "iron", "--scale", "1", "--estimate", "--out", str(tmp_path / "out")]) == 0
     told = capsys.readouterr().out
     assert "THAT IS DAYS" in told

@@ -19,7 +19,7 @@ from demcore.experiments.charge_test import run_charge
 from demcore.output.result_file import read_result
 from demcore.plant.plant_file import load_plant
 
-SHORT = ChargeTest(replace(load_charge("coke"), duration=2.5), load_plant(), scale=8.0, rest_seconds=4.0)
+SHORT = ChargeTest(replace(load_charge("coke"), duration=1.5), load_plant(), scale=8.0, rest_seconds=3.5)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_all_mass_is_somewhere_at_every_report(result):
 
 def test_the_charge_came_to_one_grain_and_lies_in_the_hopper(result):
     largest = result.masses.max()
-    assert result.numbers["fed_kg"] == pytest.approx(150.0 / 3.6 * 2.5, abs=largest)
+    assert result.numbers["fed_kg"] == pytest.approx(150.0 / 3.6 * 1.5, abs=largest)
     assert result.numbers["in_hopper_kg"] > 0.9 * result.numbers["fed_kg"]
     assert (result.places == HOPPER).sum() == result.numbers["particles_in_hopper"]
     assert not (result.places == BELT).any()
@@ -87,7 +87,12 @@ def test_the_files_hold_what_was_found(result, tmp_path):
 
 def test_the_pictures_show_the_burden(result, tmp_path):
     draw_all(result, tmp_path)
-    assert {file.name for file in tmp_path.iterdir()} == {"burden.png", "charge.png", "curves.png"}
+    assert {file.name for file in tmp_path.iterdir()} == {
+        "burden.png",
+        "charge.png",
+        "curves.png",
+        "wear.png",
+    }
     for file in tmp_path.iterdir():
         colours = np.unique(np.array(Image.open(file)).reshape(-1, 3), axis=0)
         assert len(colours) > 50

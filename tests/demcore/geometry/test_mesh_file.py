@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from demcore.errors import InputError
-from demcore.geometry.mesh_file import load_mesh
+from demcore.geometry.mesh import TriangleMesh
+from demcore.geometry.mesh_file import load_mesh, save_mesh
 
 # A box of 1 x 2 x 3 in the units of the file, twelve triangles wound outwards.
 CORNERS = [(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)]
@@ -220,3 +221,27 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     for name in ("nowhere.stl", "folder.stl"):
         with pytest.raises(InputError, match=name):
             load_mesh(tmp_path / name, "mm")
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "ply"])
+def test_a_mesh_that_is_saved_and_read_again_is_the_same(kind, tmp_path):
+    mesh = TriangleMesh(
+        [[0, 0, 0], [1.25, 0, 0], [0, 2.5, 0], [0, 0, 0.5]], [[0, 2, 1], [0, 1, 3], [1, 2, 3]]
+    )
+    path = tmp_path / f"piece.{kind}"
+    save_mesh(mesh, path)
+    again, report = load_mesh(path, "mm")
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    assert np.sort(again.corners().reshape(-1, 9), axis=0) == pytest.approx(
+        np.sort(mesh.corners().reshape(-1, 9), axis=0), abs=1e-6
+    )
+    assert report.upper == pytest.approx((1.25, 2.5, 0.5))
+
+
+def test_a_mesh_is_saved_in_known_units_and_formats_only(tmp_path):
+    mesh = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    with pytest.raises(InputError, match="units: got 'furlong'"):
+        save_mesh(mesh, tmp_path / "piece.stl", "furlong")
+    with pytest.raises(InputError, match=r"piece.step: got '.step'"):
+        save_mesh(mesh, tmp_path / "piece.step")
+    assert list(tmp_path.iterdir()) == []
