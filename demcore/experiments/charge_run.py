@@ -1,7 +1,7 @@
 """The plan of a charge: run-up of the belt, the charge, rest; and what is watched on the way.
 
 Where the mass is, by place alone: on the belt (upstream of where the jet leaves the drum), in flight, in the
-hopper (below its rim, within its wall), lost (beside the hopper, on the lid, or gone from the domain). The run-up
+hopper (under its lid, within its wall), lost (beside the hopper, on the lid, or gone from the domain). The run-up
 ends when the bed on the belt is steady: its mass, averaged over the time that the belt takes from tail to drum,
 has changed by less than STEADY of itself, or by less than the heaviest grain, from one such time to the next.
 """
@@ -73,11 +73,11 @@ def places_of(position: Floats, radius: Floats, plant: Plant) -> NDArray[np.int6
     up = np.clip((z + hopper.seat_depth) / hopper.cone_height, 0.0, 1.0)
     wall = hopper.seat_radius + (hopper.rim_radius - hopper.seat_radius) * up
     place = np.full(len(x), FLIGHT)
-    below = z < 0.0
-    # Soft walls let a centre come nearer than its radius, never to the wall itself.
-    place[below] = np.where((away < wall)[below] & (z > -hopper.seat_depth)[below], HOPPER, LOST)
     slope = (plant.hopper.rim_radius - away) / (plant.hopper.rim_radius - plant.lid.inner_radius)
     lid = plant.lid.height * np.clip(slope, 0.0, 1.0)
+    below = z < lid
+    # Soft walls let a centre come nearer than its radius, never to the wall itself. A heap may rise above the rim.
+    place[below] = np.where((away < wall)[below] & (z > -hopper.seat_depth)[below], HOPPER, LOST)
     (x0, y0), (x1, y1) = plant.hatch.lower, plant.hatch.upper
     in_hatch = (x > x0) & (x < x1) & (y > y0) & (y < y1)
     place[~below & ~in_hatch & (away < hopper.rim_radius) & (z < lid + 1.2 * radius)] = LOST

@@ -150,13 +150,15 @@ def test_every_place_of_the_plant_has_its_name():
     assert at(tx - 2.0, ty, tz - 0.5) == FLIGHT
     assert at(tx - 2.0, ty + 1.0, tz + 0.05) == FLIGHT
     assert at(-1.541 + 0.5, ty, 2.05) == FLIGHT
-    assert at(-0.4, ty, 0.2) == FLIGHT
+    assert at(-0.4, ty, 0.25) == FLIGHT
+    assert at(-0.4, ty, 0.1) == HOPPER
+    assert at(-0.4, 0.6, 0.1) == HOPPER
     assert at(0.5, 0.5, 0.29) == LOST
     assert at(0.5, 0.5, 0.8) == FLIGHT
     assert at(0.8, 0.2, -0.5) == HOPPER
     assert at(1.6, 0.0, -1.5) == LOST
-    assert at(1.2, 0.0, -1.6) == LOST
-    assert at(1.1, 0.0, -1.6) == HOPPER
-    assert at(0.0, 0.5, -1.8) == LOST
+    assert at(1.2, 0.0, -2.15) == LOST
+    assert at(1.1, 0.0, -2.1) == HOPPER
+    assert at(0.0, 0.5, -2.3) == LOST
     assert at(2.0, 0.0, -1.0) == LOST
     assert at(-3.0, ty, -1.0) == LOST
