@@ -101,3 +101,20 @@ def test_the_literal_reading_comes_nearer_to_the_scan_as_grains_get_finer(seed):
     assert 0.0 < gaps[2] < 1.2
     assert few[0] > 0.3
     assert few[2] < 0.01
+
+
+def test_the_literal_reading_comes_nearer_to_the_scan_on_real_piles_of_three_scales():
+    # The pellet's pile test at coarse-graining 4, 2 and 1: 6, 3 and 1 seeds (tests/data/README.md)
+    gap, few = {4: [], 2: [], 1: []}, {4: [], 2: [], 1: []}
+    with np.load(DATA / "pellet_piles.npz") as piles:
+        for name, pile in piles.items():
+            scale, position, radius = int(name[5]), *np.split(pile.astype(np.float64), [3], axis=1)
+            scan = surface_scan(scan_heights(position, radius[:, 0], 0.3), 0.3)
+            reading, share = literal_reading(position, 0.3, 24, 20)
+            gap[scale].append(scan.mean - reading.mean)
+            few[scale].append(share)
+    mean = {scale: np.mean(found) for scale, found in gap.items()}
+    assert {scale: len(found) for scale, found in gap.items()} == {4: 6, 2: 3, 1: 1}
+    assert mean[4] > mean[2] > mean[1] > 0.0
+    assert mean[1] < 0.6 * mean[2]
+    assert min(few[4]) > max(few[2]) > 10.0 * max(few[1])
