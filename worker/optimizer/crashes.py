@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.spatial.distance import cdist
 from scipy.special import expit, log_expit
 
@@ -91,5 +91,7 @@ class CrashClassifier:
         mean = MU + cross @ self._weights
         prior = SPREAD**2 + SLOPE**2 * np.sum(v * v, axis=1)
         scaled = self._root[:, None] * cross.T
-        variance = np.maximum(prior - np.sum(scaled * cho_solve(self._factor, scaled), axis=0), 0.0)
+        upper, _ = self._factor
+        half = solve_triangular(upper, scaled, trans="T", check_finite=False)
+        variance = np.maximum(prior - np.sum(half * half, axis=0), 0.0)
         return np.asarray(expit(mean / np.sqrt(1.0 + math.pi * variance / 8.0)), dtype=np.float64)

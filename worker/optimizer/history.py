@@ -79,7 +79,8 @@ class Group:
         return len(self.results)
 
     def values(self, observable: str) -> tuple[float, ...]:
-        return tuple(r[observable] for r in self.results)
+        """Of the runs that have one: observables that are no response may lack."""
+        return tuple(r[observable] for r in self.results if observable in r)
 
     @property
     def angles_deg(self) -> tuple[float, ...]:
@@ -136,8 +137,8 @@ class History:
         """Sum of squares inside the groups (unit^2) and its degrees of freedom."""
         squares, freedom = 0.0, 0
         for group in self.groups():
-            if group.runs > 1:
-                values = group.values(observable)
+            values = group.values(observable)
+            if len(values) > 1:
                 mean = sum(values) / len(values)
                 squares += sum((a - mean) ** 2 for a in values)
                 freedom += len(values) - 1

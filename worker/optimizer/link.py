@@ -50,7 +50,7 @@ class ScaledMean:
         self.source, self.rho = source, rho
 
     def __call__(self, u: FloatArray) -> FloatArray:
-        return self.rho * self.source.surrogate.predict(u)[0]
+        return self.rho * self.source.surrogate.mean(u)
 
 
 class Fit(NamedTuple):
@@ -86,7 +86,7 @@ def regress(data: TrainingSet, m: FloatArray, noise_sd: float, unit: float) -> f
 
 def linked(data: TrainingSet, source: Source, noise: NoiseEvidence, unit: float) -> Surrogate:
     """The surrogate of the difference, fitted."""
-    rho = regress(data, source.surrogate.predict(data.u)[0], noise.sd, unit)
+    rho = regress(data, source.surrogate.mean(data.u), noise.sd, unit)
     link = ScaledMean(source, rho)
     return Surrogate(data, fit_hyperparameters(data, noise, unit, DIFFERENCE, link), link)
 

@@ -7,7 +7,7 @@ several, "miss" and "gain" are in units of chi.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -27,15 +27,14 @@ from worker.optimizer.acquisition import (
 )
 from worker.optimizer.crashes import CrashClassifier
 from worker.optimizer.design import FloatArray, X, to_unit
+from worker.optimizer.emulator import SPREAD_IN_DEGREES, data_of, own_emulator, unit_of
 from worker.optimizer.history import Design, Group, History, grouped
 from worker.optimizer.link import FEWEST_SOURCE, Fit, Source, best_surrogate, fit_of, refitted
 from worker.optimizer.noise import noise_evidence
-from worker.optimizer.surrogate import Surrogate, TrainingSet, fit_hyperparameters, training_set
+from worker.optimizer.surrogate import Surrogate, TrainingSet
 
 # Beyond this a still larger power would only make the search shy of every untried corner.
 MOST_SEEDS = 8
-# The priors of a response that is no angle call this share of its spread a degree.
-SPREAD_IN_DEGREES = 5.0
 COARSE = "coarse"
 
 
@@ -196,13 +195,13 @@ def build_outlook(spec: StudySpec, history: History, fits: Mapping[str, Fit] | N
     """Fit the surrogates and the classifier; needs one run with results. `fits` repeats an earlier fit."""
     surrogates = []
     for response in spec.responses:
-        data = _data(spec, history.finished, response)
+        data = data_of(spec.space, history.finished, response.observable)
         sources = _sources(spec, history, response)
         if fits is not None:
             surrogates.append(refitted(data, sources, fits[response.observable]))
             continue
-        unit = _unit(data, response)
-        noise = noise_evidence(history, response, SPREAD_IN_DEGREES * unit)
+        unit = unit_of(data, response.observable, response.tolerance)
+        noise = noise_evidence(history, response.observable, SPREAD_IN_DEGREES * unit)
         helpers = [_source(spec, history, response, name) for name in sources]
         surrogates.append(best_surrogate(data, helpers, noise, unit))
     return Outlook(
@@ -230,32 +229,20 @@ def coarse_outlook(spec: StudySpec, history: History) -> Outlook | None:
     return build_outlook(spec, alone)
 
 
-def _data(spec: StudySpec, designs: Iterable[Design], response: Response) -> TrainingSet:
-    name = response.observable
-    return training_set((spec.space.to_unit(d.x), d.results[name]) for d in designs if d.results is not None)
-
-
-def _unit(data: TrainingSet, response: Response) -> float:
-    """What the priors call a degree, in the response's unit."""
-    if response.meaning.unit == "deg":
-        return 1.0
-    return max(float(np.std(data.y)), response.tolerance) / SPREAD_IN_DEGREES
-
-
 def _tests(history: History) -> dict[str, tuple[Design, ...]]:
     """The other tests, the coarse runs first."""
     return {COARSE: history.coarse, **{f"study {w.study_id}": w.finished for w in history.warm}}
 
 
 def _sources(spec: StudySpec, history: History, response: Response) -> dict[str, TrainingSet]:
-    found = {name: _data(spec, designs, response) for name, designs in _tests(history).items()}
+    found = {
+        name: data_of(spec.space, designs, response.observable) for name, designs in _tests(history).items()
+    }
     return {name: data for name, data in found.items() if len(data.y) >= FEWEST_SOURCE}
 
 
 def _source(spec: StudySpec, history: History, response: Response, name: str) -> Source:
     """The other test's own emulator: its noise is its own affair too."""
     alone = History(_tests(history)[name])
-    data = _data(spec, alone.finished, response)
-    unit = _unit(data, response)
-    noise = noise_evidence(alone, response, SPREAD_IN_DEGREES * unit)
-    return Source(name, Surrogate(data, fit_hyperparameters(data, noise, unit)))
+    emulator = own_emulator(spec.space, alone, response.observable, response.tolerance)
+    return Source(name, emulator.surrogate)

@@ -22,11 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from service.domain.search_space import SearchSpace
-from service.domain.study import Response, StudySpec
+from service.domain.study import StudySpec
+from worker.optimizer.acquisition import counting_sd
 from worker.optimizer.crashes import CrashClassifier
-from worker.optimizer.design import FloatArray, sobol, to_unit
+from worker.optimizer.design import FloatArray, sobol
 from worker.optimizer.emulator import Emulator, emulators
 from worker.optimizer.history import History
+from worker.optimizer.outlook import build_outlook
 
 POINTS = 60_000
 IDENTIFIED_BELOW = 0.35
@@ -108,20 +110,17 @@ class Posterior:
     effective_points: float
 
 
-def target_sd(response: Response) -> float:
-    """tau: what lab and model leave open, in the response's unit."""
-    lower, upper = response.window
-    return math.hypot(response.uncertainty, 0.25 * (upper - lower))
-
-
 def beliefs(spec: StudySpec, history: History) -> Beliefs | None:
-    """Fit everything; None before three designs have a value for every response."""
-    fitted = emulators(spec.space, history)
-    if any(r.observable not in fitted for r in spec.responses):
+    """The optimizer's own surrogates and classifier, and emulators of what else was measured; None before they say
+    enough of every response."""
+    if not history.succeeded:
         return None
-    u = to_unit(spec.space, [d.x for d in history.finished])
-    ran = np.array([d.results is not None for d in history.finished], dtype=np.float64)
-    return Beliefs(spec, fitted, CrashClassifier(u, ran))
+    outlook = build_outlook(spec, history)
+    pairs = zip(spec.responses, outlook.surrogates, strict=True)
+    asked = {r.observable: Emulator(r.observable, surrogate) for r, surrogate in pairs}
+    if not all(emulator.says_enough for emulator in asked.values()):
+        return None
+    return Beliefs(spec, {**asked, **emulators(spec.space, history, asked)}, outlook.crashes)
 
 
 def posterior(spec: StudySpec, history: History, points: int = POINTS) -> Posterior | None:
@@ -139,7 +138,7 @@ def draw(known: Beliefs, points: int = POINTS) -> Sample:
     log_w, worst = np.log(np.maximum(ok, 1e-300)), np.zeros(len(u))
     for response in spec.responses:
         mean, sd = predicted[response.observable]
-        sigma = np.hypot(sd, target_sd(response))
+        sigma = np.hypot(sd, counting_sd(response))
         chi = np.abs(response.target - mean) / sigma
         log_w -= np.log(sigma) + 0.5 * chi**2
         worst = np.maximum(worst, chi)

@@ -29,6 +29,7 @@ from dataclasses import asdict
 from typing import Any
 
 from service.domain.study import StudySpec
+from worker.optimizer.acquisition import counting_sd
 from worker.optimizer.design import to_unit
 from worker.optimizer.history import History
 from worker.optimizer.next_test import TestValue, which_test_next
@@ -41,7 +42,6 @@ from worker.optimizer.posterior import (
     beliefs,
     describe,
     draw,
-    target_sd,
 )
 from worker.optimizer.sensitivity import Effect, Slice, effects, slice_along, slice_over
 
@@ -120,7 +120,7 @@ def _responses(known: Beliefs) -> dict[str, Any]:
         rows[response.observable] = {
             "unit": emulator.unit,
             "target": response.target,
-            "target_sd": target_sd(response),
+            "target_sd": counting_sd(response),
             "window": response.window,
             "noise_sd": emulator.noise_sd,
             "inflation": emulator.inflation,

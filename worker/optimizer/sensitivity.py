@@ -22,8 +22,7 @@ from scipy.stats import spearmanr, uniform
 from service.domain.search_space import SearchSpace, Variable
 from service.domain.study import StudySpec
 from worker.optimizer.design import FloatArray, X, generator, sobol
-from worker.optimizer.emulator import Emulator, emulators
-from worker.optimizer.history import History
+from worker.optimizer.emulator import Emulator
 
 BASE = 1024
 JACKKNIFE_BASE = 256
@@ -67,12 +66,6 @@ class Slice:
     axes: tuple[tuple[float, ...], ...]
     means: FloatArray
     sds: FloatArray
-
-
-def sensitivity(spec: StudySpec, history: History) -> tuple[Effect, ...] | None:
-    """Effects on the primary response, one for each variable; None before there is enough to fit."""
-    one = emulators(spec.space, history).get(spec.primary.observable)
-    return None if one is None else effects(spec, one)
 
 
 def effects(spec: StudySpec, emulator: Emulator) -> tuple[Effect, ...]:

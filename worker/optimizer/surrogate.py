@@ -117,6 +117,10 @@ class Surrogate:
         mean, sd = self._gp.predict(u - 0.5, return_std=True)
         return mean + self.hyper.offset + self._linked(u), np.maximum(sd, 1e-9)
 
+    def mean(self, u: FloatArray) -> FloatArray:
+        """The mean alone, a tenth of the work."""
+        return np.asarray(self._gp.predict(u - 0.5) + self.hyper.offset + self._linked(u))
+
     def covariance(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean (k,) and covariance (k, k) of the noiseless response."""
         mean, covariance = self._gp.predict(u - 0.5, return_cov=True)

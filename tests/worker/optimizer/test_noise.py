@@ -6,14 +6,12 @@ import math
 
 import pytest
 
-from service.domain.observables import NoiseLevel
-from service.domain.study import Response
+from service.domain.observables import ANGLE, NoiseLevel
 from tests.worker.optimizer.studies import at
 from worker.optimizer.history import Design, History
 from worker.optimizer.noise import noise_evidence
 
 A = (0.1, 0.2)
-ANGLE = Response("angle_deg", 30.0, (28.0, 32.0), 0.5)
 PAIR = History((Design(1, A, 1, at(30.0), "doe"), Design(2, A, 2, at(31.0), "replicate")))
 
 
@@ -32,8 +30,7 @@ def test_what_earlier_replicates_said_takes_the_priors_place() -> None:
 
 
 def test_a_response_without_a_prior_takes_a_tenth_of_its_spread() -> None:
-    mass = Response("mass_on_base_kg", 4.0, (3.0, 5.0), 0.3)
-    assert noise_evidence(History(), mass, 2.0).sd == pytest.approx(0.2)
+    assert noise_evidence(History(), "mass_on_base_kg", 2.0).sd == pytest.approx(0.2)
 
 
 def test_a_test_that_always_gives_the_same_number_keeps_a_little_noise() -> None:

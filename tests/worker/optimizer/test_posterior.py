@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from service.domain.study import Response, StudySpec
-from tests.worker.optimizer.studies import space
+from tests.worker.optimizer.studies import at, space
+from worker.optimizer.acquisition import counting_sd
 from worker.optimizer.history import Design, History
-from worker.optimizer.posterior import Posterior, describe, draw, interval, label, posterior, target_sd
+from worker.optimizer.outlook import build_outlook
+from worker.optimizer.posterior import Posterior, describe, draw, interval, label, posterior
 from worker.optimizer.posterior import beliefs as known_of
 from worker.optimizer.report import sentences
 
@@ -51,7 +53,7 @@ def test_a_linear_response_gives_the_gaussian_of_the_textbook() -> None:
     known = known_of(spec, history)
     assert known is not None
     emulator_sd = float(known.emulators["angle_deg"].predict(np.array([[0.5, 0.5]]))[1][0])
-    sigma = math.hypot(target_sd(spec.responses[0]), emulator_sd) / 20.0
+    sigma = math.hypot(counting_sd(spec.responses[0]), emulator_sd) / 20.0
     assert first.mean == pytest.approx(0.5, abs=0.005)
     assert first.sd == pytest.approx(sigma, rel=0.05)
     # +- 1.645 sd hold 90 %.
@@ -78,7 +80,7 @@ def test_two_linear_responses_give_the_gaussian_of_both() -> None:
     assert known is not None
     middle = np.array([[0.5, 0.5]])
     variances = [
-        target_sd(r) ** 2 + float(known.emulators[r.observable].predict(middle)[1][0]) ** 2
+        counting_sd(r) ** 2 + float(known.emulators[r.observable].predict(middle)[1][0]) ** 2
         for r in spec.responses
     ]
     expected = np.linalg.inv(slopes.T @ np.diag(1.0 / np.array(variances)) @ slopes)
@@ -129,14 +131,14 @@ def test_share_within_two_sigma_is_the_strip_that_the_target_leaves() -> None:
     36 sound runs leave open."""
     spec = study(response("angle_deg", 30.0, 0.5))
     said = found(spec, grid_history({"angle_deg": lambda a, _b: 20.0 + 20.0 * a}))
-    tau = target_sd(spec.responses[0])
+    tau = counting_sd(spec.responses[0])
     assert tau == pytest.approx(math.hypot(0.5, 0.25))
-    assert 0.95 * 4 * tau / 20.0 < said.share_within_2_sigma < 4 * math.hypot(tau, 0.4) / 20.0
+    assert 0.9 * 4 * tau / 20.0 < said.share_within_2_sigma < 4 * math.hypot(tau, 0.4) / 20.0
 
 
 def test_without_an_uncertainty_the_window_speaks() -> None:
     alone = Response("angle_deg", 30.0, (28.0, 32.0), 0.5)
-    assert target_sd(alone) == pytest.approx(1.0)
+    assert counting_sd(alone) == pytest.approx(1.0)
 
 
 def test_where_runs_crash_the_posterior_thins_out() -> None:
@@ -190,3 +192,51 @@ def test_weighted_interval_of_a_uniform_sample() -> None:
 def test_nothing_is_known_before_three_different_values(values: list[float]) -> None:
     designs = tuple(Design(i, (0.1 * i, 0.5), i, {"angle_deg": v}, "doe") for i, v in enumerate(values))
     assert posterior(study(response("angle_deg", 30.0, 1.0)), History(designs), 256) is None
+
+
+def test_responses_have_the_optimizers_own_surrogate_with_its_links() -> None:
+    """Coarse runs on a grid and two of the study's own: too few alone, enough with the link."""
+    spec = study(response("angle_deg", 30.0, 1.0))
+    coarse = grid_history({"angle_deg": lambda a, b: 22.0 + 20.0 * a + 3.0 * b}).finished
+    own = tuple(
+        Design(100 + i, x, i, {"angle_deg": 20.0 + 20.0 * x[0] + 3.0 * x[1], "mass_on_base_kg": 5.0}, "doe")
+        for i, x in enumerate([(0.4, 0.4), (0.8, 0.2)])
+    )
+    assert posterior(spec, History(own), 256) is None
+    history = History(own, coarse=coarse)
+    known, outlook = known_of(spec, history), build_outlook(spec, history)
+    assert known is not None and outlook.is_linked
+    u = np.random.default_rng(1).random((50, 2))
+    mean, sd = known.emulators["angle_deg"].predict(u)
+    told = outlook.believe([tuple(row) for row in u.tolist()])
+    assert mean == pytest.approx(told.mean)
+    assert sd == pytest.approx(told.wide)
+    assert np.max(np.abs(mean - (20.0 + 20.0 * u[:, 0] + 3.0 * u[:, 1]))) < 0.5
+    assert set(known.emulators) == {"angle_deg"}, "a mass that never differs says nothing"
+    assert known.crashes.ok_probability(u) == pytest.approx(told.ok)
+
+
+def test_leaving_designs_out_keeps_the_link() -> None:
+    """sensitivity's jackknife: what is left out is the difference's designs, not the other test's."""
+    spec = study(response("angle_deg", 30.0, 1.0))
+    coarse = grid_history({"angle_deg": lambda a, b: 22.0 + 20.0 * a * b}).finished
+    own = grid_history({"angle_deg": lambda a, b: 20.0 + 20.0 * a * b}, levels=2).finished
+    known = known_of(spec, History(own, coarse=coarse))
+    assert known is not None
+    left = known.emulators["angle_deg"].without([0, 3])
+    assert left.designs == 2
+    assert left.mean(np.array([[0.6, 0.6]]))[0] == pytest.approx(27.2, abs=0.3)
+
+
+def test_an_observable_that_some_designs_lack_is_fitted_to_the_others() -> None:
+    spec = study(response("angle_deg", 30.0, 1.0))
+    whole = grid_history({"angle_deg": lambda a, _b: 20.0 + 20.0 * a, "share_on_base": lambda a, b: a * b})
+    some = tuple(
+        Design(d.number, d.x, d.seed, {**at(d.results["angle_deg"])} if d.number % 2 else d.results, d.origin)
+        for d in whole.finished
+    )
+    known = known_of(spec, History(some))
+    assert known is not None
+    share = known.emulators["share_on_base"]
+    assert share.designs == 18
+    assert share.mean(np.array([[0.5, 0.5]]))[0] == pytest.approx(0.25, abs=0.02)

@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from service.domain.search_space import default_space
 from service.domain.study import Response, StudySpec
@@ -89,6 +90,8 @@ def test_two_hundred_designs_take_seconds() -> None:
     """Two seconds of one quiet core; the limit leaves room for a busy machine."""
     known = history(200)
     study_report(SPEC, History(known.finished[:16]), points=256)  # imports
-    began = time.process_time()
-    study_report(SPEC, known)
-    assert time.process_time() - began < 8.0
+    # Threads of a matrix library that wait for a busy core count as work of this process.
+    with threadpool_limits(1):
+        began = time.process_time()
+        study_report(SPEC, known)
+        assert time.process_time() - began < 8.0

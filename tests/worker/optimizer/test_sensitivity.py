@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from service.domain.study import StudySpec
 from tests.worker.optimizer.studies import space
 from tests.worker.optimizer.test_posterior import grid_history, response, study
 from worker.optimizer.design import FloatArray, sobol
-from worker.optimizer.emulator import Emulator, emulators
+from worker.optimizer.emulator import Emulator, own_emulator
 from worker.optimizer.history import Design, History
-from worker.optimizer.sensitivity import effects, sensitivity, slice_along, slice_over, sobol_indices
+from worker.optimizer.sensitivity import Effect, effects, slice_along, slice_over, sobol_indices
 
 A, B = 7.0, 0.1
 
@@ -53,6 +54,10 @@ def test_indices_of_ishigami_lie_within_their_own_error() -> None:
     assert np.all(first_error < 0.05)
 
 
+def of_study(spec: StudySpec, history: History) -> tuple[Effect, ...]:
+    return effects(spec, own_emulator(spec.space, history, "angle_deg"))
+
+
 def fitted(function: object, count: int, dimension: int) -> Emulator:
     u = sobol(dimension, count, 7, 7)
     values = function(u)  # type: ignore[operator]
@@ -60,7 +65,7 @@ def fitted(function: object, count: int, dimension: int) -> Emulator:
         Design(i, tuple(row), i, {"angle_deg": float(v)}, "doe")
         for i, (row, v) in enumerate(zip(u.tolist(), values, strict=True))
     )
-    return emulators(space(dimension, None), History(designs))["angle_deg"]
+    return own_emulator(space(dimension, None), History(designs), "angle_deg")
 
 
 def test_an_emulator_of_ishigami_gives_its_indices_too() -> None:
@@ -72,8 +77,7 @@ def test_an_emulator_of_ishigami_gives_its_indices_too() -> None:
 
 def test_one_variable_decides_and_the_other_is_silent() -> None:
     spec = study(response("angle_deg", 30.0, 1.0))
-    found = sensitivity(spec, grid_history({"angle_deg": lambda a, _b: 20.0 + 20.0 * a}))
-    assert found is not None
+    found = of_study(spec, grid_history({"angle_deg": lambda a, _b: 20.0 + 20.0 * a}))
     first, second = found
     assert first.variance_share == pytest.approx(1.0, abs=0.05)
     assert first.total_share == pytest.approx(1.0, abs=0.05)
@@ -89,8 +93,7 @@ def test_one_variable_decides_and_the_other_is_silent() -> None:
 
 def test_main_effects_are_the_line_within_their_band() -> None:
     spec = study(response("angle_deg", 30.0, 1.0))
-    found = sensitivity(spec, grid_history({"angle_deg": lambda a, b: 20.0 + 20.0 * a + 6.0 * b}))
-    assert found is not None
+    found = of_study(spec, grid_history({"angle_deg": lambda a, b: 20.0 + 20.0 * a + 6.0 * b}))
     for effect, slope, other in ((found[0], 20.0, 3.0), (found[1], 6.0, 10.0)):
         line = 20.0 + other + slope * np.array(effect.values)
         assert np.all(np.abs(np.array(effect.means) - line) < 2.0 * np.array(effect.sds) + 0.15)
@@ -110,7 +113,7 @@ def test_few_designs_say_that_their_indices_are_uncertain() -> None:
 
 def test_slices_pass_through_what_they_cut() -> None:
     box = space(2, None)
-    emulator = emulators(box, grid_history({"angle_deg": lambda a, b: 20.0 + 20.0 * a * b}))["angle_deg"]
+    emulator = own_emulator(box, grid_history({"angle_deg": lambda a, b: 20.0 + 20.0 * a * b}), "angle_deg")
     cut = slice_along(emulator, box, (0.3, 0.5), 1)
     assert cut.names == ("rolling_resistance",)
     assert cut.means[0] == pytest.approx(20.0, abs=0.5)
@@ -127,10 +130,5 @@ def test_a_single_variable_has_all_of_the_variance() -> None:
     designs = tuple(
         Design(i, (u,), i, {"angle_deg": 20.0 + 10.0 * u}, "doe") for i, u in enumerate(np.linspace(0, 1, 8))
     )
-    found = sensitivity(study(response("angle_deg", 25.0, 1.0), dimension=1), History(designs))
-    assert found is not None
+    found = of_study(study(response("angle_deg", 25.0, 1.0), dimension=1), History(designs))
     assert found[0].variance_share == 1.0
-
-
-def test_nothing_is_known_before_an_angle() -> None:
-    assert sensitivity(study(response("angle_deg", 30.0, 1.0)), History()) is None
