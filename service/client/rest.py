@@ -106,6 +106,15 @@ class Client:
         study: dict[str, Any] = answer.json()
         return study
 
+    def report(self, study_id: int) -> dict[str, Any] | None:
+        """What the newest report says and of how many designs; None before there is one."""
+        try:
+            return self._call("GET", f"/v1/studies/{study_id}/report")
+        except RefusedError as error:
+            if error.status == 404:
+                return None
+            raise
+
     def readiness(self) -> dict[str, Any]:
         """The checks by name, also where the service says that it is not ready."""
         return self._call("GET", "/v1/health/ready", good=(200, 503))

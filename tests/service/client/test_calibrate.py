@@ -63,6 +63,7 @@ class Scripted:
     def __init__(self, refuses: bool = False) -> None:
         self.refuses = refuses
         self.asked: list[str] = []
+        self.reports = [httpx.Response(404), httpx.Response(200, json={"is_current": False})]
 
     def __call__(self, request: httpx.Request) -> httpx.Response:
         path = request.url.path
@@ -71,6 +72,8 @@ class Scripted:
             return httpx.Response(422, json={"detail": "budget 0: a whole number from 1 to 1000"})
         if path == "/v1/health/ready":
             return httpx.Response(200, json={"checks": {}})
+        if path.endswith("/report"):
+            return self.reports.pop(0) if self.reports else httpx.Response(200, json={"is_current": True})
         if path.endswith("/events"):
             return httpx.Response(
                 200, content=b'id: 1\nevent: study_finished\ndata: {"state": "completed"}\n\n'
@@ -97,6 +100,7 @@ def script(monkeypatch: pytest.MonkeyPatch) -> Scripted:
     monkeypatch.setattr(calibration, "Client", scripted_client)
     monkeypatch.setattr("service.client.local_service.Client", scripted_client)
     monkeypatch.setattr(calibration, "running_service", running)
+    monkeypatch.setattr(calibration, "POLL_SECONDS", 0.0)
     return scripted
 
 
@@ -107,6 +111,20 @@ def test_a_study_leaves_its_files_and_its_figures(script: Scripted, tmp_path: Pa
     assert {file.name for file in out.iterdir()} == {"study.json", "designs.csv", "designs.parquet"}
     assert "25.44°, certified." in told.getvalue()
     assert script.asked[0] == "POST /v1/studies"
+    # The files come after the report on all designs: none at first, then one of earlier.
+    assert script.asked.index("GET /v1/studies/4/export") > script.asked.index("GET /v1/studies/4/report")
+    assert script.asked.count("GET /v1/studies/4/report") == 3
+
+
+def test_files_come_without_a_report_that_does_not(
+    script: Scripted, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calibration, "REPORT_SECONDS", 0.05)
+    script.reports = [httpx.Response(404)] * 1000
+    told = io.StringIO()
+    assert calibration.calibrate(Settings(), {"material": "pellet"}, tmp_path, Console(file=told)) == 0
+    assert "The report is not written yet" in told.getvalue()
+    assert (tmp_path / "study.json").exists()
 
 
 def test_a_refusal_leaves_nothing(script: Scripted, tmp_path: Path) -> None:
