@@ -21,6 +21,7 @@ from rich.table import Table
 
 from service.client.commands import COMMANDS
 from service.client.rest import Client, RefusedError, ServiceAwayError
+from service.client.tables import noise_lines
 from service.code_version import demcore_hash
 from service.settings import StartupError, describe_problems, get_settings
 
@@ -142,6 +143,8 @@ def status(study_id: int | None, only: str | None) -> None:
     for response in study["spec"].get("responses", ()):
         lower, upper = response["window"]
         click.echo(f"  {response['observable']}: {response['target']:g} ({lower:g} to {upper:g})")
+    for line in noise_lines(study):
+        click.echo(f"  {line}")
     if study["spec"].get("strategy", "auto") != "auto":
         click.echo(f"  strategy: {study['spec']['strategy']}")
     if study["pause"] is not None:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.orm import Session
 
 from service.api.dependencies import DatabaseDep, RowId
 from service.api.problems import problem_responses
@@ -18,6 +19,7 @@ from service.studies.add_design import add_design, rerun_design
 from service.studies.cancel_study import cancel_study
 from service.studies.extend_budget import extend_budget
 from service.studies.pause_study import pause_study
+from service.studies.read_noise import read_noise
 from service.studies.resume_study import resume_study
 
 router = APIRouter(prefix="/v1", tags=["controls"])
@@ -52,10 +54,10 @@ class RerunBody(BaseModel):
     ] = False
 
 
-def _answer(study: StudyRow | None, study_id: int) -> StudyAnswer:
+def _answer(session: Session, study: StudyRow | None, study_id: int) -> StudyAnswer:
     if study is None:
         raise no_study(study_id)
-    return StudyAnswer.of(study)
+    return StudyAnswer.of(study, read_noise(session, study))
 
 
 @router.post(
@@ -67,7 +69,7 @@ def _answer(study: StudyRow | None, study_id: int) -> StudyAnswer:
 def post_cancel(study_id: RowId, database: DatabaseDep) -> StudyAnswer:
     """Stop a study. What is in flight is stopped; what is measured stays, with a recommendation from it."""
     with database.writing() as session:
-        return _answer(cancel_study(session, study_id), study_id)
+        return _answer(session, cancel_study(session, study_id), study_id)
 
 
 @router.post(
@@ -79,7 +81,7 @@ def post_cancel(study_id: RowId, database: DatabaseDep) -> StudyAnswer:
 def post_pause(study_id: RowId, database: DatabaseDep) -> StudyAnswer:
     """Propose and start nothing more until it is resumed. Simulations that run come to their end."""
     with database.writing() as session:
-        return _answer(pause_study(session, study_id), study_id)
+        return _answer(session, pause_study(session, study_id), study_id)
 
 
 @router.post(
@@ -91,7 +93,7 @@ def post_pause(study_id: RowId, database: DatabaseDep) -> StudyAnswer:
 def post_resume(study_id: RowId, database: DatabaseDep) -> StudyAnswer:
     """Go on. Failures that have paused the study are forgiven; only later ones can pause it again."""
     with database.writing() as session:
-        return _answer(resume_study(session, study_id), study_id)
+        return _answer(session, resume_study(session, study_id), study_id)
 
 
 @router.post(
@@ -103,7 +105,7 @@ def post_resume(study_id: RowId, database: DatabaseDep) -> StudyAnswer:
 def post_budget(study_id: RowId, body: BudgetBody, database: DatabaseDep) -> StudyAnswer:
     """Give a study that is not over more simulations. The same budget again changes nothing."""
     with database.writing() as session:
-        return _answer(extend_budget(session, study_id, body.budget), study_id)
+        return _answer(session, extend_budget(session, study_id, body.budget), study_id)
 
 
 @router.post(

@@ -18,6 +18,7 @@ from service.db.session import Database
 from service.studies.design_table import DesignTable, design_table, to_csv, to_parquet
 from service.studies.export_study import export_study
 from service.studies.import_study import import_study
+from service.studies.read_noise import read_noise
 from service.studies.study_file import StudyFile
 
 router = APIRouter(prefix="/v1/studies", tags=["exports"])
@@ -86,7 +87,7 @@ def post_import(file: StudyFile, response: Response, database: DatabaseDep) -> S
     """
     with database.writing() as session:
         study, is_new = import_study(session, file)
-        answer = StudyAnswer.of(study)
+        answer = StudyAnswer.of(study, read_noise(session, study))
     response.status_code = 201 if is_new else 200
     response.headers["Location"] = f"/v1/studies/{answer.id}"
     return answer

@@ -14,6 +14,7 @@ from service.db import read_models
 from service.db.models import StudyRow
 from service.errors import FieldError, InvalidRequest, NotFound
 from service.studies.create_study import KeyReused, create_study
+from service.studies.read_noise import read_noise
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
@@ -45,7 +46,7 @@ def post_study(
         except KeyReused as error:
             refusal = FieldError("Idempotency-Key", idempotency_key, f"a new key: this one {error}")
             raise InvalidRequest.of(refusal) from error
-        answer = StudyAnswer.of(study)
+        answer = StudyAnswer.of(study, read_noise(session, study))
     response.headers["Location"] = f"/v1/studies/{answer.id}"
     return answer
 
@@ -66,7 +67,7 @@ def get_study(study_id: RowId, database: DatabaseDep) -> StudyAnswer:
         row = session.get(StudyRow, study_id)
         if row is None:
             raise no_study(study_id)
-        return StudyAnswer.of(row)
+        return StudyAnswer.of(row, read_noise(session, row))
 
 
 @router.get("/{study_id}/designs", operation_id="listDesigns", responses=problem_responses(404, 422))

@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field
 from service.db.models import ArtifactRow, JobRow, RunRow, StudyRow
 from service.db.read_models import DesignView
 from service.domain.explanation import compare
+from service.domain.noise import RunNoise
 from service.domain.spec_record import upgraded
 from service.domain.states import DesignState, JobKind, JobState, StudyState, Verdict
 
@@ -36,6 +37,18 @@ class StopBody(BaseModel):
     numbers: dict[str, Any] | None
 
 
+class NoiseAnswer(BaseModel):
+    """How far runs of one design scatter, beside the tolerance of the certificate."""
+
+    observable: str = Field(examples=["angle_deg"])
+    unit: str = Field(examples=["deg"])
+    tolerance: float
+    sd: float | None = Field(description="within designs, pooled; what is expected where not measured")
+    freedom: int = Field(description="degrees of freedom of replicates; 0: not measured yet")
+    is_measured: bool
+    text: str
+
+
 class StudyAnswer(BaseModel):
     """A study: what was asked for, how far it is, what it ended with."""
 
@@ -51,11 +64,12 @@ class StudyAnswer(BaseModel):
     recommendation: dict[str, Any] | None = Field(
         description="the optimum: `x` by parameter, posterior mean_deg and sd_deg, replicates_deg, certified"
     )
+    noise: list[NoiseAnswer] | None = Field(description="by response; only where one study is asked for")
     created_at: datetime | None
     ended_at: datetime | None
 
     @classmethod
-    def of(cls, row: StudyRow) -> Self:
+    def of(cls, row: StudyRow, noise: Sequence[RunNoise] | None = None) -> Self:
         stop, pause = None, None
         if row.stop_reason is not None:
             stop = StopBody(reason=row.stop_reason, text=row.stop_text, numbers=row.stop_numbers)
@@ -72,6 +86,7 @@ class StudyAnswer(BaseModel):
             stop=stop,
             pause=pause,
             recommendation=row.recommendation,
+            noise=noise and [NoiseAnswer.model_validate(one, from_attributes=True) for one in noise],
             created_at=as_utc(row.created_at),
             ended_at=as_utc(row.ended_at),
         )

@@ -18,7 +18,7 @@ from rich.live import Live
 from service.client.local_service import LocalService, running_service
 from service.client.rest import Client
 from service.client.study_view import StudyView
-from service.client.tables import LiveTable, closing_table, plain_line
+from service.client.tables import LiveTable, closing_table, found_lines, noise_lines, plain_line
 from service.settings import Settings
 
 
@@ -142,10 +142,12 @@ def tell(outcome: Mapping[str, Any], study: Mapping[str, Any], console: Console)
     console.print()
     if outcome["optimum"]:
         console.print(closing_table(outcome["material"], outcome))
-        certified = "certified" if outcome["certified"] else "not certified"
-        console.print(f"Repose angle {outcome['angle_deg']:.2f}°, {certified}.", highlight=False)
+        for line in found_lines(study["recommendation"]):
+            console.print(line, highlight=False, soft_wrap=True)
     else:
         console.print("No simulation gave a repose angle, so there is no optimum.")
+    for line in noise_lines(study):
+        console.print(f"{line}.", highlight=False, soft_wrap=True)
     reason = (study["stop"] or {}).get("text") or outcome["stop_reason"] or study["state"]
     console.print(f"Ended after {outcome['minutes']:.1f} minutes: {reason}", highlight=False, soft_wrap=True)
 

@@ -87,6 +87,25 @@ class LiveTable:
         )
 
 
+def found_lines(recommendation: Mapping[str, Any]) -> list[str]:
+    """What the optimum gives, a line for each response."""
+    verdict = "certified" if recommendation["certified"] else "not certified"
+    return [
+        f"{name} {met['mean']:.4g} {met['unit']}, {verdict}: "
+        f"within ±{met['half_width_90']:.2g} {met['unit']} (90 %)."
+        for name, met in recommendation["responses"].items()
+    ]
+
+
+def noise_lines(study: Mapping[str, Any]) -> list[str]:
+    """How far runs of one design scatter beside what the certificate allows, a line for each response."""
+    return [
+        f"{noise['observable']} scatters between runs: {noise['text']}; tolerance "
+        f"{noise['tolerance']:g} {noise['unit']}"
+        for noise in study.get("noise") or ()
+    ]
+
+
 def closing_table(material: str, outcome: Mapping[str, Any]) -> Table:
     """Optimum, simulations and repeats of demo.json beside the paper's Tables 5 to 7."""
     paper = PAPER.get(material)

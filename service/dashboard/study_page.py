@@ -15,8 +15,10 @@ from service.db import dashboard_reads, read_models
 from service.db.dashboard_reads import Health, StudySnapshot
 from service.db.models import ArtifactRow, DesignRow, ReportRow, StudyRow
 from service.db.read_models import DesignView
+from service.domain.noise import RunNoise
 from service.domain.spec_record import primary_response
 from service.domain.states import JobKind, StudyState, Verdict, is_over
+from service.studies.read_noise import read_noise
 
 # The certificate's demand on the window (worker/optimizer/acquisition.py, calibration.md decision 5).
 WINDOW_PROBABILITY = 0.99
@@ -59,6 +61,7 @@ class StudyPage:
     shown: DesignView | None
     health: Health
     known: ReportRow | None = None
+    noise: tuple[RunNoise, ...] = ()
 
     @property
     def is_settled(self) -> bool:
@@ -167,7 +170,8 @@ def read_study_page(session: Session, study_id: int) -> StudyPage | None:
     shown = next((row.id for row in snapshot.designs if row.number in headline.numbers and row.verdict), None)
     view = read_models.open_design(session, shown) if shown is not None else None
     known = read_models.newest_report(session, study_id)
-    return StudyPage(snapshot, headline, view, dashboard_reads.health(session), known)
+    noise = read_noise(session, snapshot.study)
+    return StudyPage(snapshot, headline, view, dashboard_reads.health(session), known, noise)
 
 
 def picture_of(view: DesignView | None) -> ArtifactRow | None:

@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 from service.db.models import DesignRow, StudyRow
 from service.domain.errors import InvalidValue
 from service.domain.history import FinishedDesign, WarmHistory
+from service.domain.noise import pooled
 from service.domain.observables import NoiseLevel
 from service.domain.spec_record import spec_from_record
 from service.domain.states import DesignState, is_over
@@ -56,22 +57,14 @@ def read_warm_start(session: Session, spec: StudySpec) -> tuple[WarmHistory, ...
 
 
 def pooled_noise(warm: Sequence[WarmHistory]) -> dict[str, NoiseLevel]:
-    """By observable, the sd inside designs of several seeds: `sqrt(sum (n_i-1) s_i^2 / sum (n_i-1))`."""
-    groups: dict[tuple[int, tuple[float, ...], str], list[float]] = {}
+    """By observable, the pooled sd inside their designs of several seeds."""
+    groups: dict[str, dict[tuple[int, tuple[float, ...]], list[float]]] = {}
     for study in warm:
         for design in study.finished:
             for name, value in (design.results or {}).items():
-                groups.setdefault((study.study_id, design.x, name), []).append(value)
-    squares, freedom = dict[str, float](), dict[str, int]()
-    for (_, _, name), values in groups.items():
-        mean = sum(values) / len(values)
-        squares[name] = squares.get(name, 0.0) + sum((value - mean) ** 2 for value in values)
-        freedom[name] = freedom.get(name, 0) + len(values) - 1
-    return {
-        name: NoiseLevel(math.sqrt(squares[name] / count), count)
-        for name, count in freedom.items()
-        if count > 0
-    }
+                groups.setdefault(name, {}).setdefault((study.study_id, design.x), []).append(value)
+    found = {name: pooled(values.values()) for name, values in groups.items()}
+    return {name: level for name, level in found.items() if level is not None}
 
 
 def _designs(session: Session, study_id: int) -> Sequence[DesignRow]:

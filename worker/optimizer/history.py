@@ -14,6 +14,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from service.domain.noise import sum_of_squares
 from service.domain.observables import ANGLE, NoiseLevel
 
 # Designs of these origins cost no budget: they were known before, or ran at the coarse scale.
@@ -135,14 +136,7 @@ class History:
 
     def scatter(self, observable: str = ANGLE) -> tuple[float, int]:
         """Sum of squares inside the groups (unit^2) and its degrees of freedom."""
-        squares, freedom = 0.0, 0
-        for group in self.groups():
-            values = group.values(observable)
-            if len(values) > 1:
-                mean = sum(values) / len(values)
-                squares += sum((a - mean) ** 2 for a in values)
-                freedom += len(values) - 1
-        return squares, freedom
+        return sum_of_squares(group.values(observable) for group in self.groups())
 
     @property
     def training_hash(self) -> str:

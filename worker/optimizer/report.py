@@ -3,7 +3,9 @@
     version           1
     designs           {finished, failed, with_results}
     enough            false: too few results to fit, and all below is left out; `text` says what is missing
-    responses         by observable: {unit, target, target_sd, window, noise_sd, inflation, designs}
+    responses         by observable: {unit, target, target_sd, window, tolerance, noise_sd, inflation, designs,
+                       scatter: {sd, freedom, is_measured, text}}: noise_sd as the surrogate was fitted with,
+                       scatter pooled over replicates, or (freedom 0) what is expected of the observable
     posterior         {parameters: [{name, mean, sd, lower_90, upper_90, sd_ratio, label}],
                        correlations: matrix in that order,
                        combinations: [{coefficients by parameter in widths of the ranges, sd_ratio, label, text}],
@@ -28,6 +30,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from service.domain.noise import run_noise
 from service.domain.study import StudySpec
 from worker.optimizer.acquisition import counting_sd
 from worker.optimizer.design import to_unit
@@ -87,7 +90,7 @@ def study_report(
             "version": VERSION,
             "designs": counts,
             "enough": True,
-            "responses": _responses(known),
+            "responses": _responses(known, history),
             "posterior": _posterior(found),
             "optimum": {**asdict(best), "x": spec.space.as_dict(best.x), "rule": RULE},
             "which_test_next": [_test(test) for test in tests],
@@ -113,18 +116,27 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _responses(known: Beliefs) -> dict[str, Any]:
+def _responses(known: Beliefs, history: History) -> dict[str, Any]:
     rows = {}
     for response in known.spec.responses:
-        emulator = known.emulators[response.observable]
-        rows[response.observable] = {
+        name = response.observable
+        emulator = known.emulators[name]
+        scatter = run_noise(response, [g.values(name) for g in history.groups()], history.noise.get(name))
+        rows[name] = {
             "unit": emulator.unit,
             "target": response.target,
             "target_sd": counting_sd(response),
             "window": response.window,
+            "tolerance": response.tolerance,
             "noise_sd": emulator.noise_sd,
             "inflation": emulator.inflation,
             "designs": emulator.designs,
+            "scatter": {
+                "sd": scatter.sd,
+                "freedom": scatter.freedom,
+                "is_measured": scatter.is_measured,
+                "text": scatter.text,
+            },
         }
     return rows
 

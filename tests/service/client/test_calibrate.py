@@ -109,7 +109,7 @@ def test_a_study_leaves_its_files_and_its_figures(script: Scripted, tmp_path: Pa
     assert calibration.calibrate(Settings(), {"material": "pellet"}, out, Console(file=told, width=100)) == 0
     assert (out / "study.json").read_bytes() == b"/v1/studies/4/export"
     assert {file.name for file in out.iterdir()} == {"study.json", "designs.csv", "designs.parquet"}
-    assert "25.44°, certified." in told.getvalue()
+    assert "angle_deg 25.44 deg, certified" in told.getvalue()
     assert script.asked[0] == "POST /v1/studies"
     # The files come after the report on all designs: none at first, then one of earlier.
     assert script.asked.index("GET /v1/studies/4/export") > script.asked.index("GET /v1/studies/4/report")

@@ -24,7 +24,9 @@ STUDY: dict[str, Any] = {
         "mean_deg": 25.44,
         "replicates_deg": [25.3, 25.5, 25.6],
         "certified": True,
+        "responses": {"angle_deg": {"unit": "deg", "mean": 25.44, "half_width_90": 0.27}},
     },
+    "noise": [{"observable": "angle_deg", "unit": "deg", "tolerance": 0.5, "text": "0.3 deg measured"}],
     "stop": {"reason": "certified", "text": "Within 0.5 deg (90 %).", "numbers": {}},
 }
 
@@ -63,13 +65,25 @@ def test_a_study_without_an_angle_claims_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("certified", "words"), [(True, "25.44°, certified."), (False, "25.44°, not certified.")]
+    ("certified", "words"),
+    [
+        (True, "angle_deg 25.44 deg, certified: within ±0.27 deg (90 %)."),
+        (False, "angle_deg 25.44 deg, not certified: within ±0.27 deg (90 %)."),
+    ],
 )
 def test_the_end_says_whether_it_is_certified(certified: bool, words: str) -> None:
     study = {**STUDY, "recommendation": {**STUDY["recommendation"], "certified": certified}}
     text = told(summarise(study, 7.0), study)
     assert words in text
+    assert "angle_deg scatters between runs: 0.3 deg measured; tolerance 0.5 deg." in text
     assert "Ended after 7.0 minutes: Within 0.5 deg (90 %)." in text
+
+
+def test_a_study_without_an_angle_among_its_responses_tells_what_it_has() -> None:
+    mass = {"mass_on_base_kg": {"unit": "kg", "mean": 12.345, "half_width_90": 0.5}}
+    found = {"x": {"rolling_resistance": 0.3}, "certified": True, "responses": mass}
+    study = {**STUDY, "recommendation": found, "noise": None}
+    assert "mass_on_base_kg 12.35 kg, certified: within ±0.5 kg (90 %)." in told(summarise(study, 1.0), study)
 
 
 def told(outcome: dict[str, Any], study: dict[str, Any]) -> str:
