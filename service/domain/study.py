@@ -14,6 +14,9 @@ from service.domain.observables import OBSERVABLES, NoiseLevel, Observable
 from service.domain.search_space import PARAMETERS, SearchSpace
 from service.domain.strategy import MODEL_BASED, STRATEGIES, least_budget
 
+# Degrees of freedom from which on measured noise refuses a tolerance: below, the pooled sd of a sound test is off
+# by a factor of two in one case of ten.
+FEWEST_FREEDOM = 4
 # Points at which a derived parameter is tried before a study is accepted.
 _DERIVED_TRIALS = 1024
 
@@ -177,6 +180,8 @@ def refuse_tolerance_below_noise(spec: StudySpec, known: Mapping[str, NoiseLevel
     """
     for response in spec.responses:
         pooled = (known or {}).get(response.observable)
+        if pooled is not None and pooled.freedom < FEWEST_FREEDOM:
+            pooled = None
         noise = pooled.sd if pooled is not None else response.meaning.noise_sd
         if noise is None or response.tolerance >= 0.5 * noise:
             continue

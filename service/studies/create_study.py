@@ -17,7 +17,7 @@ from service.domain.states import DesignState, StudyState
 from service.domain.study import StudySpec, refuse_tolerance_below_noise
 from service.studies.advance_study import advance_study
 from service.studies.record_event import record_design_event, record_study_event
-from service.studies.warm_start import check_warm_start
+from service.studies.warm_start import check_warm_start, earlier_studies, pooled_noise
 
 
 class KeyReused(ValueError):
@@ -32,8 +32,8 @@ def create_study(
     Raises InvalidValue for a tolerance under half the noise, and for a warm start from a study that it cannot
     start from.
     """
-    refuse_tolerance_below_noise(spec)
     check_warm_start(session, spec)
+    refuse_tolerance_below_noise(spec, pooled_noise(earlier_studies(session, spec)))
     record = spec_to_record(spec)
     request_hash = hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
     study = StudyRow(

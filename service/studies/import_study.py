@@ -128,7 +128,8 @@ def _study_row(file: StudyFile, spec: StudySpec) -> StudyRow:
     record = file.study
     ended = is_over(record.state)
     stop = record.stop if ended else CUT_OFF
-    counts = {verdict: sum(d.verdict is verdict for d in record.designs) for verdict in Verdict}
+    simulated = [d.verdict for d in record.designs if d.origin != "import"]
+    counts = {verdict: simulated.count(verdict) for verdict in Verdict}
     last = max((d.ended_at or d.created_at for d in record.designs), default=record.created_at)
     return StudyRow(
         state=record.state if ended else StudyState.CANCELLED,

@@ -42,7 +42,7 @@ def _history(session: Session, study: StudyRow, number: int, basis: int) -> Stud
     # An error that was repeated with its own seed counts no more, once the repetition's result is seen.
     last = {_key(row): row.number for row in seen}
     numbers = {row.number for row in seen}
-    warm = read_warm_start(session, spec)
+    warm = read_warm_start(session, study)
     return StudyHistory(
         spec,
         number,

@@ -25,7 +25,7 @@ def read_noise(session: Session, study: StudyRow) -> tuple[RunNoise, ...]:
         )
     )
     runs = [(x_hash, responses or {}) for x_hash, responses in rows]
-    earlier = pooled_noise(read_warm_start(session, spec))
+    earlier = pooled_noise(read_warm_start(session, study))
     return tuple(run_noise(r, _values(runs, r.observable), earlier.get(r.observable)) for r in spec.responses)
 
 

@@ -37,7 +37,11 @@ def store_proposal(
 
 def _count_pending(session: Session, study_id: int, basis: int) -> int:
     beyond = select(func.count()).where(
-        DesignRow.study_id == study_id, DesignRow.number > basis, DesignRow.state != DesignState.CANCELLED
+        DesignRow.study_id == study_id,
+        DesignRow.number > basis,
+        DesignRow.state != DesignState.CANCELLED,
+        # Known before the study: whatever its number, the proposal saw it.
+        DesignRow.origin != "import",
     )
     return int(session.scalar(beyond) or 0)
 

@@ -46,8 +46,18 @@ def check_warm_start(session: Session, spec: StudySpec) -> None:
             raise InvalidValue("warm_start", study_id, f"{allowed}{_difference(spec, source)}")
 
 
-def read_warm_start(session: Session, spec: StudySpec) -> tuple[WarmHistory, ...]:
-    """The finished designs of each study that `spec` names, in this study's variables."""
+def read_warm_start(session: Session, study: StudyRow) -> tuple[WarmHistory, ...]:
+    """The finished designs of each study that this one starts from, in its variables.
+
+    None for a study that was read in: the numbers in its spec are those of another installation.
+    """
+    if study.import_hash is not None:
+        return ()
+    return earlier_studies(session, spec_from_record(study.spec))
+
+
+def earlier_studies(session: Session, spec: StudySpec) -> tuple[WarmHistory, ...]:
+    """The finished designs of each study that `spec` names; `check_warm_start` says whether it may."""
     found = []
     for study_id in spec.warm_start:
         source = spec_from_record(session.get_one(StudyRow, study_id).spec)

@@ -148,6 +148,28 @@ def test_the_replicates_of_a_warm_start_tell_the_noise(database: Database) -> No
     assert (claim.history.noise["angle_deg"].sd, claim.history.noise["angle_deg"].freedom) == (1.0, 2)
 
 
+@pytest.mark.parametrize(("seeds", "is_refused"), [(3, False), (5, True)])
+def test_a_tolerance_under_half_the_measured_noise_is_refused(
+    client: TestClient, sqlite_database: Database, seeds: int, is_refused: bool
+) -> None:
+    """Angles 3 deg apart scatter by more than twice the tolerance; five seeds are needed to be sure of it."""
+    source = a_study(sqlite_database, parallel=1, budget=seeds)
+    for seed in range(1, seeds + 1):
+        propose_next(sqlite_database, source, a_proposal(1, seed=seed))
+        simulate(sqlite_database, open_jobs(sqlite_database, source, JobKind.SIMULATE)[0], 20.0 + 3.0 * seed)
+    with sqlite_database.writing() as session:
+        cancel_study(session, source)
+    lease = claimed(sqlite_database, open_jobs(sqlite_database, source)[0]).lease
+    with sqlite_database.writing() as session:
+        assert record_recommendation(session, lease, None)
+    body = {"material": "pellet", "scale": 2.0, "warm_start": [source]}
+    answer = client.post("/v1/studies", json=body)
+    assert answer.status_code == (422 if is_refused else 201)
+    if is_refused:
+        # 23, 26, ... 35: variance 22.5.
+        assert "half the noise between runs (4.74342 deg, of earlier replicates)" in answer.text
+
+
 @pytest.mark.parametrize(
     ("change", "allowed"),
     [

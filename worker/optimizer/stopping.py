@@ -186,8 +186,8 @@ def tolerance_of_miss(outlook: Outlook) -> float:
 
 
 def too_many_failures(history: History) -> Stop | None:
-    """More than half of at least five designs ended in error, since a person last looked."""
-    judged = [d for d in history.finished if d.number > history.accepted]
+    """More than half of at least five designs, coarse ones too, ended in error, since a person last looked."""
+    judged = [d for d in (*history.finished, *history.coarse) if d.number > history.accepted]
     finished, failed = len(judged), sum(d.results is None for d in judged)
     if finished < FAILURES_LOOKED_AT or 2 * failed <= finished:
         return None
@@ -235,7 +235,8 @@ def out_of_budget(outlook: Outlook | None, spec: StudySpec) -> Stop:
 
 def design_complete(outlook: Outlook | None, spec: StudySpec, history: History) -> Stop:
     """A design that was fixed beforehand has run: what came out, by verdict, and the emulator's best."""
-    counts = verdict_counts(spec.responses, history.finished)
+    # As the study's counters: what a table knew before is no simulation.
+    counts = verdict_counts(spec.responses, (d for d in history.finished if d.origin != "import"))
     told = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     numbers = {verdict: float(count) for verdict, count in counts.items()}
     if outlook is None:
