@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from demcore import checkpoint
 from demcore.commands.arguments import check_at_least, output_folder
-from demcore.commands.pile import check_threads, stop_signals
+from demcore.commands.pile import check_threads
 from demcore.commands.quantity import parse_quantity
 from demcore.experiments.charge_case import ChargeTest, charge_names, load_charge
 from demcore.identity import run_identity
 from demcore.plant.plant_file import load_plant
 from demcore.recorder import SeriesRecorder
+from demcore.stop_signals import stop_signals
 
 if TYPE_CHECKING:
     from demcore.experiments.charge_result import ChargeResult

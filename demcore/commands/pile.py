@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +23,7 @@ from demcore.material import Material, load_material, material_names
 from demcore.material_file import read_material
 from demcore.recorder import SeriesRecorder
 from demcore.rig import load_rig, rig_names
+from demcore.stop_signals import stop_signals
 from demcore.time_step import PRESETS
 
 if TYPE_CHECKING:
@@ -211,24 +209,6 @@ def _run(
 
         seconds = arguments.checkpoint_seconds
         return run_pile_test(test, show, arguments.threads, path, seconds, recorder)
-
-
-@contextmanager
-def stop_signals() -> Iterator[list[int]]:
-    """Ctrl-C or SIGTERM fill the list, so that the run saves itself and ends; a second Ctrl-C ends it at once."""
-    received: list[int] = []
-
-    def note(number: int, _frame: object) -> None:
-        if received:
-            raise KeyboardInterrupt
-        received.append(number)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield received
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _write(result: PileResult, folder: Path) -> None:

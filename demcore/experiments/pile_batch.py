@@ -25,6 +25,7 @@ from demcore.experiments.pile_file import describe_test, write_pile
 from demcore.experiments.pile_test import run_pile_test
 from demcore.output.result_file import PACKAGE, read_result
 from demcore.source_hash import hash_sources
+from demcore.stop_signals import stop_signals
 
 CHECKPOINT_SECONDS = 60.0
 
@@ -90,9 +91,14 @@ def stored_outcome(trial: Trial, folder: Path) -> Outcome | None:
 
 
 def compile_kernels(test: PileTest) -> None:
-    """Make a first chunk of steps, so that the processes find compiled kernels in the cache."""
-    with suppress(SimulationError):
+    """Make a first chunk of steps, so that the processes find compiled kernels in the cache.
+
+    Ctrl-C is heard when they are there, as KeyboardInterrupt.
+    """
+    with stop_signals() as stopped, suppress(SimulationError):
         run_pile_test(test, on_progress=lambda _progress: False)
+    if stopped:
+        raise KeyboardInterrupt
 
 
 def _run_all(trials: Sequence[Trial], folder: Path, processes: int) -> Iterator[Outcome]:

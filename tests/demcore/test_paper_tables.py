@@ -10,13 +10,15 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
 from demcore.__main__ import main
 from demcore.commands.table7 import comparison, parse_scales, sensitivities
-from demcore.errors import InputError
+from demcore.errors import Cancelled, InputError
+from demcore.experiments import pile_batch
 from demcore.experiments.contact_parameters import ContactParameters
 from demcore.experiments.paper_tables import (
     CHANGES,
@@ -173,6 +175,20 @@ def test_two_trials_of_one_name_are_refused(tmp_path):
     trial = Trial("a", "", optimum_test("pellet", 4.0, 1))
     with pytest.raises(InputError, match="names of their own"):
         run_trials([trial, trial], tmp_path, 1, lambda _outcome: None)
+
+
+def test_ctrl_c_while_compiling_is_not_lost(monkeypatch):
+    def compiling(*_arguments, **_options):
+        # As in a callback of the compiler: an exception raised here would go no further.
+        with suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+        raise Cancelled("after the first chunk")
+
+    monkeypatch.setattr(pile_batch, "run_pile_test", compiling)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        pile_batch.compile_kernels(optimum_test("pellet", 4.0, 1))
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_ctrl_c_saves_what_runs_and_ends_at_once(tmp_path):
