@@ -204,7 +204,10 @@ def test_ctrl_c_saves_what_runs_and_ends_at_once(tmp_path):
         "--out",
         str(tmp_path),
     ]
+    # A shell's background job ignores Ctrl-C and hands that down to what it starts, these tests too.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    signal.signal(signal.SIGINT, before)
     # Time enough to start; wherever it is then, it has to end cleanly.
     time.sleep(15.0)
     os.killpg(process.pid, signal.SIGINT)
