@@ -96,8 +96,10 @@ def propose(claim: Claim, _attempt: Attempt, watch: Stopwatch) -> Write:
 def recommend(claim: Claim, _attempt: Attempt, watch: Stopwatch) -> Write:
     """What a study that is over has found."""
     assert claim.history is not None
-    found = optimize.recommendation(claim.history)
-    return partial(record_recommendation, lease=claim.lease, recommendation=found, cost=watch.cost())
+    found, stop = optimize.recommendation(claim.history), optimize.last_words(claim.history)
+    return partial(
+        record_recommendation, lease=claim.lease, recommendation=found, stop=stop, cost=watch.cost()
+    )
 
 
 def report(claim: Claim, _attempt: Attempt, watch: Stopwatch) -> Write:

@@ -59,6 +59,8 @@ class StudyHistory:
     warm: the studies that `spec.warm_start` names. noise: by observable, what earlier replicates of the same
     material, rig and scale scatter. accepted: the last design whose failure a person has seen before resuming a
     study that had paused for too many failures; up to it, failures do not pause the study again.
+    replaced: designs that cost no budget and are not among the finished ones, because a repetition with the same
+    seed took their place.
     """
 
     spec: StudySpec
@@ -68,6 +70,7 @@ class StudyHistory:
     warm: tuple[WarmHistory, ...] = ()
     noise: Mapping[str, NoiseLevel] = field(default_factory=dict)
     accepted: int = 0
+    replaced: int = 0
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,7 @@ def _history(session: Session, study: StudyRow, number: int, basis: int) -> Stud
     # An error that was repeated with its own seed counts no more, once the repetition's result is seen.
     last = {_key(row): row.number for row in seen}
     numbers = {row.number for row in seen}
+    replaced = [row for row in seen if last[_key(row)] != row.number]
     warm = read_warm_start(session, study)
     return StudyHistory(
         spec,
@@ -51,6 +52,7 @@ def _history(session: Session, study: StudyRow, number: int, basis: int) -> Stud
         warm=warm,
         noise=pooled_noise(warm),
         accepted=study.failures_forgiven,
+        replaced=sum(row.origin == "import" or row.scale != spec.scale for row in replaced),
     )
 
 

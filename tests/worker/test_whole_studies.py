@@ -17,17 +17,29 @@ from service.db.models import DesignRow, ProposalRow, ReportRow, StudyRow
 from service.db.session import Database
 from service.domain.outcome import PileMeasurement
 from service.domain.search_space import SearchSpace, Variable
-from service.domain.states import StudyState
+from service.domain.states import JobKind, StudyState
 from service.domain.study import CoarsePrior, Response, TableRow
 from service.settings import Settings
+from service.studies.add_design import rerun_design
 from service.studies.claim_job import Claim
 from service.studies.export_study import export_study
 from service.studies.import_study import import_study
 from service.studies.read_noise import read_noise
 from service.studies.request_report import request_report
 from service.studies.study_file import StudyFile, content_hash
-from tests.builders.studies import a_measurement, a_study, designs, study
+from tests.builders.studies import (
+    a_measurement,
+    a_proposal,
+    a_study,
+    designs,
+    open_jobs,
+    propose_next,
+    simulate,
+    study,
+)
 from tests.builders.work import InProcessWorker, Report
+from worker.optimize import whole_history
+from worker.optimizer.proposal import place_of
 
 PP, ROLL = "particle_particle_static_friction", "rolling_resistance"
 SPACE = SearchSpace((Variable(PP, 0.1, 0.9, 0.01), Variable(ROLL, 0.05, 0.6, 0.01)))
@@ -106,6 +118,31 @@ def test_a_plain_design_runs_whole_and_says_what_came_out(at_work: InProcessWork
         row.unfeasible,
         row.error,
     ]
+
+
+def test_a_plan_shorter_than_its_budget_tells_of_all_its_runs(at_work: InProcessWorker) -> None:
+    """Nine of eleven runs; the stop was decided while the last one was still out."""
+    row, found = played(at_work, strategy="taguchi", budget=11)
+    assert (row.stop_reason, len(found)) == ("design_complete", 9)
+    assert row.stop_numbers is not None
+    assert sum(row.stop_numbers[v] for v in ("feasible", "unfeasible", "error")) == 9
+    assert row.recommendation is not None
+    assert row.stop_numbers["mean_deg"] == row.recommendation["mean_deg"]
+
+
+def test_a_coarse_run_that_is_repeated_uses_a_number_and_no_budget(database: Database) -> None:
+    study_id = a_study(database, parallel=1, coarse=CoarsePrior(4.0, 8))
+    propose_next(database, study_id, a_proposal(1, origin="coarse", scale=4.0))
+    simulate(database, open_jobs(database, study_id, JobKind.SIMULATE)[0], None)
+    with database.writing() as session:
+        assert rerun_design(session, designs(database, study_id)[0].id, same_seed=True) is not None
+    simulate(database, open_jobs(database, study_id, JobKind.SIMULATE)[0], 25.5)
+    claim = propose_next(database, study_id)
+    assert claim.history is not None
+    history = whole_history(claim.history)
+    assert [d.number for d in history.coarse] == [2]
+    place = place_of(claim.history.spec, history, claim.history.number)
+    assert place == (3, 1, claim.history.spec.budget)
 
 
 def test_a_table_runs_in_its_order_and_knows_what_it_knew(at_work: InProcessWorker) -> None:

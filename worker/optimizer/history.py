@@ -94,7 +94,8 @@ class History:
 
     Cancelled designs are left out by the caller; the order of the tuples carries no meaning.
     noise: by observable, what earlier replicates of the same test scatter. accepted: failures up to this number
-    were looked at by a person, who went on.
+    were looked at by a person, who went on. replaced: designs without a cost that another run of the same seed
+    stands for now; their numbers are used up.
     """
 
     finished: tuple[Design, ...] = ()
@@ -104,6 +105,7 @@ class History:
     warm: tuple[WarmStudy, ...] = ()
     noise: Mapping[str, NoiseLevel] = field(default_factory=dict)
     accepted: int = 0
+    replaced: int = 0
 
     def __post_init__(self) -> None:
         for name in ("finished", "pending", "coarse", "coarse_pending"):
@@ -117,7 +119,7 @@ class History:
     def free(self) -> int:
         """Designs that cost no budget."""
         known = sum(d.origin in FREE_ORIGINS for d in self.finished)
-        return known + len(self.coarse) + len(self.coarse_pending)
+        return known + len(self.coarse) + len(self.coarse_pending) + self.replaced
 
     @property
     def succeeded(self) -> int:
