@@ -13,7 +13,7 @@ from service.api.problems import problem_responses
 from service.api.studies import IdempotencyKey, no_study
 from service.api.views import DesignAnswer, StudyAnswer
 from service.db import read_models
-from service.db.models import StudyRow
+from service.db.models import DesignRow, StudyRow
 from service.errors import NotFound
 from service.studies.add_design import add_design, rerun_design
 from service.studies.cancel_study import cancel_study
@@ -58,6 +58,13 @@ def _answer(session: Session, study: StudyRow | None, study_id: int) -> StudyAns
     if study is None:
         raise no_study(study_id)
     return StudyAnswer.of(study, read_noise(session, study))
+
+
+def _created(session: Session, design: DesignRow) -> DesignAnswer:
+    session.flush()
+    view = read_models.open_design(session, design.id)
+    assert view is not None
+    return DesignAnswer.of(view)
 
 
 @router.post(
@@ -122,10 +129,7 @@ def post_design(
         design = add_design(session, study_id, body.x, body.seed, idempotency_key)
         if design is None:
             raise no_study(study_id)
-        session.flush()
-        view = read_models.open_design(session, design.id)
-        assert view is not None
-        return DesignAnswer.of(view)
+        return _created(session, design)
 
 
 @router.post(
@@ -142,7 +146,4 @@ def post_rerun(
         design = rerun_design(session, design_id, body.same_seed, idempotency_key)
         if design is None:
             raise NotFound(f"There is no design {design_id}.")
-        session.flush()
-        view = read_models.open_design(session, design.id)
-        assert view is not None
-        return DesignAnswer.of(view)
+        return _created(session, design)
