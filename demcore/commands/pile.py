@@ -75,7 +75,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--threads", type=int, default=1)
     run.add_argument("--out", type=Path, default=Path("pile"), help="folder for the files")
     run.add_argument("--resume", action="store_true", help="continue from the checkpoint in --out")
-    run.add_argument("--checkpoint-seconds", type=float, default=30.0, help="between two saves (default 30)")
+    run.add_argument("--checkpoint-seconds", type=float, default=10.0, help="between two saves (default 10)")
     run.set_defaults(run=pile)
 
 
