@@ -1,0 +1,69 @@
+"""The records refuse what is not allowed; the split's hash holds what it must; thin data are refused in words."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from service.domain.data_set.reading import data_set_from_tables
+from service.domain.data_set.records import Condition, DataSet, Observation, Profile
+from service.domain.data_set.suitability import suitability
+from service.domain.errors import InvalidValue
+from tests.service.domain.data_set.tables import CONDITIONS, OBSERVATIONS, tables
+
+DATA = data_set_from_tables(tables())
+
+
+@pytest.mark.parametrize(
+    "change", [{"test": "heap"}, {"removal": "pour"}, {"mass_kg": -1.0}, {"drop_height_m": float("nan")}]
+)
+def test_a_condition_checks_itself(change: dict[str, object]) -> None:
+    with pytest.raises(InvalidValue):
+        dataclasses.replace(DATA.conditions[0], **change)  # type: ignore[arg-type]
+
+
+def test_a_data_set_checks_its_references() -> None:
+    pile = Condition("a", "pile", "coke", 10.0)
+    with pytest.raises(InvalidValue):
+        DataSet((pile, pile), ())
+    with pytest.raises(InvalidValue):
+        DataSet((pile,), (Observation("a", "1", "belt_depth_m", 0.1),))
+    with pytest.raises(InvalidValue):
+        DataSet((pile,), (), (Profile("b", "1", (0.0,), (0.1,), (0.2,)),))
+
+
+def test_the_split_hash_sees_values_and_split_but_not_order() -> None:
+    turned = DataSet(DATA.conditions[::-1], DATA.observations[::-1])
+    assert turned.split_hash == DATA.split_hash
+    moved = DataSet(
+        (dataclasses.replace(DATA.conditions[0], holdout=True), *DATA.conditions[1:]), DATA.observations
+    )
+    first = dataclasses.replace(DATA.observations[0], value=36.21)
+    changed = DataSet(DATA.conditions, (first, *DATA.observations[1:]))
+    assert len({DATA.split_hash, moved.split_hash, changed.split_hash}) == 3
+
+
+def test_enough_data_are_suitable() -> None:
+    judged = suitability(DATA)
+    assert judged.usable == DATA and judged.sentences == ()
+
+
+def test_two_replicates_are_set_aside_and_nothing_left_is_refused() -> None:
+    rows = [row for row in OBSERVATIONS.splitlines() if ",2," not in row[:6]]
+    judged = suitability(data_set_from_tables(tables(observations="\n".join(rows))))
+    assert judged.is_refused
+    assert "p1, p2, c1" in judged.sentences[0] and "repeat these" in judged.sentences[0]
+    assert judged.sentences[-1].startswith("Refused")
+
+
+def test_one_condition_under_two_names_is_one() -> None:
+    conditions = CONDITIONS.replace("p2,pile,coke,200,4,", "p2,pile,coke,100,,0.02:0.3;0.05:0.7")
+    conditions = conditions.replace("0.7,,0", "0.7,0")
+    judged = suitability(data_set_from_tables(tables(conditions=conditions)))
+    assert judged.is_refused and "one training condition" in judged.sentences[-1]
+
+
+def test_no_held_out_condition_limits_what_can_be_claimed() -> None:
+    judged = suitability(data_set_from_tables(tables(conditions=CONDITIONS.replace(",,1\n", ",,0\n"))))
+    assert not judged.is_refused and "not claimed" in judged.sentences[0]
