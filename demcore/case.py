@@ -23,6 +23,7 @@ from demcore.interaction import (
 )
 from demcore.material import Material
 from demcore.region import Box
+from demcore.surroundings import Air, Water
 from demcore.time_step import PRESETS, RAYLEIGH_SHARE, Body, hertz_time_step, pair_time_step, wall_time_step
 
 __all__ = [
@@ -102,6 +103,7 @@ class Case:
     domain          particles that leave it are deleted and logged; None: everywhere
     rest            the run ends early when all has come and lies still; None: never early
     dormancy        particles that provably do nothing are held and not computed; None: all are, always
+    water, air      None: dry grains, in vacuum
     time_step       None: the largest that is stable for the stiffest, lightest pair; above it is refused
     seed            of every random choice, beside each fill's and feed's own
     """
@@ -118,6 +120,8 @@ class Case:
     contact_model: str = "paper"
     numerics: Numerics = field(default_factory=Numerics)
     gravity: Triple = STANDARD_GRAVITY
+    water: Water | None = None
+    air: Air | None = None
     time_step: float | None = None
     seed: int = 0
 

@@ -21,8 +21,10 @@ from demcore.contact.coulomb_spring import CoulombSpring
 from demcore.contact.hertz import Hertz
 from demcore.contact.hysteretic_spring import HystereticLinearSpring
 from demcore.contact.laws import DRY, VACUUM
+from demcore.contact.liquid_bridge import LiquidBridge
 from demcore.contact.mindlin_spring import MindlinSpring
 from demcore.contact.model import ContactModel
+from demcore.contact.still_air import StillAir
 from demcore.contact.type3_rolling import Type3Rolling
 from demcore.feeding import FeedAccount, Feeder
 from demcore.geometry.wall_arrays import wall_arrays
@@ -105,11 +107,14 @@ def contact_model(case: Case) -> ContactModel:
     """The laws that a case names, with its numerics."""
     n = case.numerics
     rolling = Type3Rolling(1.0 if n.rolling else 0.0)
+    water, air = case.water, case.air
+    cohesion = DRY if water is None else LiquidBridge(water.surface_tension, water.wetting)
+    field = VACUUM if air is None else StillAir(air.density, air.viscosity)
     if case.contact_model == "hertz_mindlin":
         mindlin = MindlinSpring(n.creep_speed)
-        return ContactModel(Hertz(1.0 if n.limit_force else 0.0), mindlin, rolling, DRY, VACUUM)
+        return ContactModel(Hertz(1.0 if n.limit_force else 0.0), mindlin, rolling, cohesion, field)
     normal = HystereticLinearSpring(n.residual, case.long_term_damping, n.aged_after)
-    return ContactModel(normal, CoulombSpring(n.stiffness_ratio, n.creep_speed), rolling, DRY, VACUUM)
+    return ContactModel(normal, CoulombSpring(n.stiffness_ratio, n.creep_speed), rolling, cohesion, field)
 
 
 def fill_all(case: Case, walls: Walls) -> Particles:

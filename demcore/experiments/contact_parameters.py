@@ -27,6 +27,7 @@ from demcore.interaction import (
 from demcore.material import Material
 
 STEEL = "steel"
+BASE = "base"
 
 # The widest range of each; particle and wall restitution of 0 would make the unloading stiffness infinite.
 LIMITS: Mapping[str, tuple[float, float, str]] = {
@@ -231,6 +232,23 @@ def interactions(material: Material, parameters: Parameters) -> Interactions:
     steel = Surface(STEEL, Stiffness(stiffest.youngs_modulus, stiffest.poisson_ratio))
     contacts = tuple(GrainContact(a, b, contact) for (a, b), contact in between.items())
     return Interactions(contacts, walls, (steel,))
+
+
+def with_base(touching: Interactions, added: float) -> Interactions:
+    """The same with a second surface, `base`: steel with `added` to its static friction (never below 0), and the
+    dynamic one in proportion."""
+    base = tuple(replace(_rougher(contact, added), surface=BASE) for contact in touching.wall_contacts)
+    surface = replace(touching.surfaces[0], name=BASE)
+    return replace(
+        touching, wall_contacts=touching.wall_contacts + base, surfaces=(*touching.surfaces, surface)
+    )
+
+
+def _rougher(contact: WallContact, added: float) -> WallContact:
+    static = max(contact.static_friction + added, 0.0)
+    # Grains that slide on the wall without friction have no ratio to keep.
+    ratio = contact.dynamic_friction / contact.static_friction if contact.static_friction else 1.0
+    return replace(contact, static_friction=static, dynamic_friction=ratio * static)
 
 
 def _pairwise(

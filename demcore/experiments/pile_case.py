@@ -11,7 +11,7 @@ from functools import cached_property
 
 from demcore.allowed import choice, natural, positive, within
 from demcore.case import CONTACT_MODELS, Case, Dormancy, Numerics, RestCriterion
-from demcore.charge import Fill
+from demcore.charge import AT_REST, Fill
 from demcore.errors import InputError
 from demcore.experiments.contact_parameters import (
     ContactParameters,
@@ -19,7 +19,9 @@ from demcore.experiments.contact_parameters import (
     Parameters,
     grains_of,
     interactions,
+    with_base,
 )
+from demcore.experiments.pile_setting import PileSetting
 from demcore.geometry.walls import Wall
 from demcore.material import Material
 from demcore.region import Box, cylinder
@@ -36,7 +38,8 @@ LOOSEST = 0.15
 # A bed that does not rest in so many seconds after it has fallen in, or after the cylinder went, gives no angle.
 LONGEST_SETTLE = 4.0
 LONGEST_DISCHARGE = 12.0
-CYLINDER = 1
+# Their places among the case's walls.
+BASE, CYLINDER = 0, 1
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,8 @@ class PileTest:
     """One virtual experiment. `scale` multiplies the sizes, `fill_level` the filled height of the cylinder;
     `time_step` is a preset, `time_step_factor` shortens it after a blow-up. The cylinder vanishes at once, or
     rises at `lift_speed` (m/s). `numerics` hold but where `time_step` and `parameters` say otherwise. A mix takes
-    one set of parameters for all its contacts, as the paper does, or one for each part (PairwiseParameters)."""
+    one set of parameters for all its contacts, as the paper does, or one for each part (PairwiseParameters).
+    `setting` is what departs from the ideal test."""
 
     material: Material
     rig: Rig
@@ -59,6 +63,7 @@ class PileTest:
     numerics: Numerics = field(default_factory=Numerics)
     rest: RestCriterion = field(default_factory=RestCriterion)
     dormancy: Dormancy | None = None
+    setting: PileSetting = field(default_factory=PileSetting)
 
     def __post_init__(self) -> None:
         within("scale", self.scale, 0.1, 20.0)
@@ -70,7 +75,12 @@ class PileTest:
         natural("seed", self.seed)
         self._check_parameters()
         if self.lift_speed is not None:
-            within("lift_speed", self.lift_speed, 0.001, 10.0, "m/s")
+            within("lift_speed", self.lift_speed, 0.001, 100.0, "m/s")
+        room = self.rig.base_radius - self.rig.cylinder_radius
+        offset = self.setting.cylinder_offset
+        if math.hypot(*offset) > room:
+            allowed = f"at most {room:.3g} m from the centre: the cylinder stands on the base"
+            raise InputError("setting.cylinder_offset", offset, allowed)
         largest = self.material.sizes.largest * self.scale
         if largest > self.rig.cylinder_radius:
             raise InputError(
@@ -120,16 +130,31 @@ class PileTest:
         """s, until a lifted cylinder is clear of everything at the latest; 0 when it vanishes at once."""
         return 0.0 if self.lift_speed is None else self.column_height / self.lift_speed
 
+    @property
+    def longest_discharge(self) -> float:
+        """s, that a pile may need to come to rest after the cylinder is clear of it."""
+        return LONGEST_DISCHARGE + self.setting.shaking_seconds
+
     @cached_property
     def case(self) -> Case:
         """The test as a case: a base, a cylinder that goes on upwards, and the column to fall into it."""
         top, radius, reach = self.column_height, self.rig.cylinder_radius, REACH * self.rig.base_radius
+        s, foot = self.setting, (*self.setting.cylinder_offset, 0.0)
+        touching = interactions(self.material, self.parameters)
+        own_base = s.base_friction_added != 0.0
+        fill = cylinder(foot, radius, top)
+        entering = (0.0, 0.0, -s.impact_speed) if s.drop_height else AT_REST
         case = Case(
             grains=grains_of(self.material.coarse_grained(self.scale), self.parameters),
-            interactions=interactions(self.material, self.parameters),
-            duration=self.fall_seconds + LONGEST_SETTLE + self.lift_seconds + LONGEST_DISCHARGE + 1.0,
-            walls=(Wall("disc", radius=self.rig.base_radius), Wall("cylinder", radius=radius, length=top)),
-            fills=(Fill(cylinder((0.0, 0.0, 0.0), radius, top), self.material.mix, self.filled_kg),),
+            interactions=with_base(touching, s.base_friction_added) if own_base else touching,
+            duration=self.fall_seconds + LONGEST_SETTLE + self.lift_seconds + self.longest_discharge + 1.0,
+            walls=(
+                Wall("disc", radius=self.rig.base_radius, material=int(own_base)),
+                Wall("cylinder", foot, radius=radius, length=top),
+            ),
+            fills=(Fill(fill, self.material.mix, self.filled_kg, velocity=entering),),
+            water=None if s.water is None else s.water.at_scale(self.scale),
+            air=None if s.air is None else s.air.at_scale(self.scale),
             domain=Box((-reach, -reach, FLOOR), (reach, reach, math.inf)),
             contact_model=self.contact_model,
             numerics=self._numerics(),

@@ -52,6 +52,9 @@ OBSERVABLES: Mapping[str, tuple[str, str, str]] = {
     "discharge_t50_s": ("discharge_t50_s", "s", "time until half of what leaves the base has left"),
     "discharge_t90_s": ("discharge_t90_s", "s", "time until 90 % of what leaves the base has left"),
     "fill_height_m": ("fill_height_m", "m", "height of the settled column before the cylinder goes"),
+    "heap_offset_x_m": ("heap_offset_x_m", "m", "centre of mass of what lies on the base, along x"),
+    "heap_offset_y_m": ("heap_offset_y_m", "m", "centre of mass of what lies on the base, along y"),
+    "d50_on_base_m": ("d50_on_base_m", "m", "median diameter by mass on the base, of the real grains"),
     "filled_bulk_density_kg_m3": ("filled_bulk_density_kg_m3", "kg/m3", "bulk density of that column"),
 }
 
@@ -176,6 +179,9 @@ def measure_pile(test: PileTest, run: CaseRun, plan: PilePlan) -> PileResult:
         "filled_bulk_density_kg_m3": _bulk_density(test, run.filled_kg, plan.fill_height),
         "heap_top_m": top_height(field, base),
         "apex_height_m": float(field.height.max()),
+        "heap_offset_x_m": float(np.average(position[:, 0], weights=state[:, M])),
+        "heap_offset_y_m": float(np.average(position[:, 1], weights=state[:, M])),
+        "d50_on_base_m": _median_diameter(radius, state[:, M]) / test.scale,
         "discharge_t50_s": _discharge_time(s, plan.removed_at, 0.5),
         "discharge_t90_s": _discharge_time(s, plan.removed_at, 0.9),
         "particles_filled": run.filled,
@@ -206,6 +212,12 @@ def _bulk_density(test: PileTest, mass: float, fill_height: float) -> float:
     """kg/m3 of the settled column; 0 for one without height."""
     volume = math.pi * test.rig.cylinder_radius**2 * fill_height
     return mass / volume if volume > 0.0 else 0.0
+
+
+def _median_diameter(radius: Floats, mass: Floats) -> float:
+    """m, below which half of the mass lies."""
+    order = np.argsort(radius)
+    return 2.0 * float(radius[order][np.searchsorted(np.cumsum(mass[order]), 0.5 * mass.sum())])
 
 
 def _discharge_time(simulation: Simulation, removed_at: int, share: float) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 
 from demcore.case_run import CaseRun
 from demcore.errors import NeverSettles
-from demcore.experiments.pile_case import CYLINDER, LONGEST_DISCHARGE, LONGEST_SETTLE, PileTest
+from demcore.experiments.pile_case import BASE, CYLINDER, LONGEST_SETTLE, PileTest
 from demcore.particles import R, Z
 from demcore.rest import RestWatch
 
@@ -65,10 +65,11 @@ class PilePlan:
                 raise NeverSettles(f"the filled bed still moves after {self.phase_time(run):.1f} s")
             return None
         self._clear(run)
-        may_rest = self.cylinder_gone and self.phase_time(run) >= LEAST_DISCHARGE
+        least = max(LEAST_DISCHARGE, self.test.setting.shaking_seconds)
+        may_rest = self.cylinder_gone and self.phase_time(run) >= least
         if self.watch.look(run.simulation, may_rest):
             return "rest"
-        if self.phase_time(run) > self.test.lift_seconds + LONGEST_DISCHARGE:
+        if self.phase_time(run) > self.test.lift_seconds + self.test.longest_discharge:
             raise NeverSettles(f"the pile still moves {self.phase_time(run):.1f} s after the cylinder went")
         return None
 
@@ -83,7 +84,17 @@ class PilePlan:
         else:
             lift = (0.0, 0.0, self.test.lift_speed)
             s.replace_wall(CYLINDER, replace(run.case.walls[CYLINDER], velocity=lift, moves_from=s.time))
+        self._shake(run)
         self.phase, self.removed_at, self.watch.since = DISCHARGE, s.step, -1
+
+    def _shake(self, run: CaseRun) -> None:
+        vibration, s = self.test.setting.vibration, run.simulation
+        if vibration is None or vibration.acceleration == 0.0:
+            return
+        end = s.time + vibration.seconds
+        base = run.case.walls[BASE]
+        moving = replace(base, oscillation=vibration.oscillation, moves_from=s.time, moves_until=end)
+        s.replace_wall(BASE, moving)
 
     def _clear(self, run: CaseRun) -> None:
         """Forget a lifted cylinder that nothing can touch any more."""
