@@ -53,6 +53,7 @@ class Numerics:
     creep_speed         m/s, below which a capped contact counts as sticking
     limit_force         Hertz-Mindlin: the damped normal force never pulls
     rolling             rolling resistance on or off
+    restitution_exponent  paper: p of e(v) = e (v / 1 m/s)^-p; 0: restitution is the same at every speed
     time_step           preset of the time step: `fast` (loading limit) or `paper` (unloading limit too)
     may_squeeze         share of the particles that may be pressed through a wall, or past a neighbour's surface,
                         before the run counts as blown up: walls and grains are as soft as `youngs_modulus` says
@@ -65,6 +66,7 @@ class Numerics:
     creep_speed: float = 1e-3
     limit_force: bool = False
     rolling: bool = True
+    restitution_exponent: float = 0.0
     time_step: str = "fast"
     may_squeeze: float = 0.0
 
@@ -76,6 +78,7 @@ class Numerics:
         within("numerics.aged_after", self.aged_after, 1.0, 1e6, "loading times")
         within("numerics.stiffness_ratio", self.stiffness_ratio, 0.01, 2.0)
         not_negative("numerics.creep_speed", self.creep_speed, "m/s")
+        within("numerics.restitution_exponent", self.restitution_exponent, 0.0, 1.0)
         choice("numerics.time_step", self.time_step, PRESETS)
 
 
@@ -146,6 +149,9 @@ class Case:
         self._check_names(names)
         self._check_room()
         self.table()
+        exponent = self.numerics.restitution_exponent
+        if exponent and self.contact_model != "paper":
+            raise InputError("numerics.restitution_exponent", exponent, f"0: {self.contact_model} has none")
         if self.contact_model == "paper":
             within("long_term_damping", self.long_term_damping, 0.0, 2.0)
         self._check_time_step()

@@ -26,6 +26,7 @@ from demcore.contact.mindlin_spring import MindlinSpring
 from demcore.contact.model import ContactModel
 from demcore.contact.still_air import StillAir
 from demcore.contact.type3_rolling import Type3Rolling
+from demcore.contact.velocity_hysteretic_spring import VelocityHystereticSpring
 from demcore.feeding import FeedAccount, Feeder
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.wall_rows import Walls
@@ -113,7 +114,10 @@ def contact_model(case: Case) -> ContactModel:
     if case.contact_model == "hertz_mindlin":
         mindlin = MindlinSpring(n.creep_speed)
         return ContactModel(Hertz(1.0 if n.limit_force else 0.0), mindlin, rolling, cohesion, field)
-    normal = HystereticLinearSpring(n.residual, case.long_term_damping, n.aged_after)
+    shared = n.residual, case.long_term_damping, n.aged_after
+    normal: HystereticLinearSpring | VelocityHystereticSpring = HystereticLinearSpring(*shared)
+    if n.restitution_exponent:
+        normal = VelocityHystereticSpring(*shared, exponent=n.restitution_exponent)
     return ContactModel(normal, CoulombSpring(n.stiffness_ratio, n.creep_speed), rolling, cohesion, field)
 
 

@@ -20,11 +20,16 @@ from demcore.contact.model import ContactModel
 from demcore.contact.still_air import StillAir, still_air
 from demcore.contact.type3_rolling import Type3Rolling, type3_rolling
 from demcore.contact.vacuum import Vacuum, vacuum
+from demcore.contact.velocity_hysteretic_spring import VelocityHystereticSpring, velocity_hysteretic_normal
 from demcore.jit import law_dispatch
 
 Laws = dict[Any, Callable[..., Any]]
 
-NORMAL: Laws = {HystereticLinearSpring: hysteretic_normal, Hertz: hertz_normal}
+NORMAL: Laws = {
+    HystereticLinearSpring: hysteretic_normal,
+    VelocityHystereticSpring: velocity_hysteretic_normal,
+    Hertz: hertz_normal,
+}
 TANGENTIAL: Laws = {CoulombSpring: coulomb_spring, MindlinSpring: mindlin_spring}
 ROLLING: Laws = {Type3Rolling: type3_rolling}
 COHESION: Laws = {Dry: dry, LinearCohesion: linear_cohesion, LiquidBridge: liquid_bridge}

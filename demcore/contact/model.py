@@ -65,7 +65,7 @@ class Normal(NamedTuple):
     """Result of a normal law.
 
     force        total normal force, N, >= 0 without cohesion
-    elastic      the part that the law remembers (its F_prev), N
+    elastic      what the law remembers: its last elastic force, or the largest one, N
     stiffness    tangential laws scale theirs with it, N/m
     damping      viscous coefficient to apply in the tangent plane while sticking, kg/s
     age          time in contact, s

@@ -12,6 +12,7 @@ size_friction   slope, 1                             mu_s(d) = mu_s (1 + a ln(d 
 wide_psd        added sd of ln d                     d' = d50 (d / d50)^(1 + a / s), s the sd of ln d by mass
 density         share of the particle density        rho' = rho (1 + a), bulk density too, at the same filled mass
 soft_stiffness  decades of Young's modulus           E' = E 10^a: how much stiffer the grains are than modelled
+vel_restitution exponent p                           e(v) = e (v / 1 m/s)^-p (velocity_hysteretic_spring.py)
 lift_speed      ln of true over stated speed         of a cylinder that is lifted; one that vanishes has no speed
 base_rough      added friction coefficient           mu' = mu + a between grains and base, 0 or more
 feed_offcentre  m                                    the cylinder stands so far off the base's centre
@@ -236,6 +237,10 @@ def _cohesion(test: PileTest, a: float) -> PileTest:
     return _set(test, water=Water(a * test.material.particle_density * STANDARD_G * radius**2 / 1.5))
 
 
+def _vel_restitution(test: PileTest, a: float) -> PileTest:
+    return replace(test, numerics=replace(test.numerics, restitution_exponent=a))
+
+
 def _lift_speed(test: PileTest, a: float) -> PileTest:
     return test if test.lift_speed is None else replace(test, lift_speed=test.lift_speed * math.exp(a))
 
@@ -287,6 +292,7 @@ EFFECTS: Mapping[str, Effect] = {
     "shape_roll": _shape_roll,
     "size_friction": _size_friction,
     "cohesion": _cohesion,
+    "vel_restitution": _vel_restitution,
     "lift_speed": _lift_speed,
     "base_rough": _base_rough,
     "feed_offcentre": _feed_offcentre,

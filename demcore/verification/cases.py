@@ -12,6 +12,7 @@ from demcore.verification.silo import janssen
 
 CASES: tuple[Case, ...] = (
     impact.normal_impact,
+    impact.restitution_by_speed,
     impact.unlike_pair,
     impact.hertz_clamped,
     impact.bounce_heights,

@@ -14,6 +14,7 @@ import numpy as np
 from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.contact.laws import hertz_mindlin_model, paper_model
 from demcore.contact.model import ContactModel
+from demcore.contact.velocity_hysteretic_spring import VelocityHystereticSpring
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.particles import VX, VZ, M, R, X, Z, spheres
 from demcore.simulation import Simulation
@@ -133,6 +134,26 @@ def _impact(body: str, radius: float, v: float, e: float, dt: float) -> Impact:
     if body == "wall":
         return follow(wall_impact(radius, v, e, model, dt), v, 2.0 * model.normal.residual)
     return follow(pair_impact((radius, radius), v, e, model, dt), v, 2.0 * model.normal.residual)
+
+
+def restitution_by_speed() -> Iterator[Outcome]:
+    """Rebound of the spring whose restitution falls with the speed: e (v / 1 m/s)^-p, at most 1."""
+    e, exponent, radius = 0.5, 0.25, 0.01
+    model = paper_model()
+    kept = model.normal.residual
+    model = model._replace(normal=VelocityHystereticSpring(exponent=exponent))
+    dt = time_step(2.0 * radius, DENSITY, YOUNGS, 0.3, "paper") / 20.0
+    for v in (0.03, 0.2, 1.0, 5.0):
+        expected = min(e * v**-exponent, 1.0)
+        rebound = math.sqrt(expected**2 + kept * (1.0 - expected**2) ** 2)
+        for body, impact in (
+            ("wall", wall_impact(radius, v, e, model, dt)),
+            ("pair", pair_impact((radius, radius), v, e, model, dt)),
+        ):
+            name = f"hysteretic impact on a {body} at {v:g} m/s, e(v) = .5 v^-.25: rebound"
+            yield Outcome(
+                name, "velocity_hysteretic_spring.py", rebound, follow(impact, v, 2.0 * kept).rebound, 0.005
+            )
 
 
 def unlike_pair() -> Iterator[Outcome]:

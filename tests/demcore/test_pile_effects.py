@@ -11,6 +11,7 @@ import pytest
 from demcore.case_run import contact_model
 from demcore.contact.liquid_bridge import LiquidBridge
 from demcore.contact.still_air import StillAir
+from demcore.contact.velocity_hysteretic_spring import VelocityHystereticSpring
 from demcore.errors import InputError
 from demcore.experiments.contact_parameters import ContactParameters, PairwiseParameters
 from demcore.experiments.pile_case import BASE, CYLINDER, PileTest
@@ -153,6 +154,14 @@ def test_breakage_needs_a_fall():
     fines = with_effect(fallen, "breakage", 0.3).material.sizes.classes[0].mass_share
     before = COKE.material.sizes.classes[0].mass_share
     assert fines == pytest.approx(before + (1.0 - before) * 0.15), "half of A after 3 m"
+
+
+def test_restitution_that_falls_with_speed_is_another_law():
+    law = contact_model(with_effect(COKE, "vel_restitution", 0.2).case).normal
+    assert isinstance(law, VelocityHystereticSpring)
+    assert (law.exponent, law.residual, law.damping) == (0.2, 0.001, 0.5)
+    with pytest.raises(InputError, match="restitution_exponent"):
+        assert with_effect(replace(COKE, contact_model="hertz_mindlin"), "vel_restitution", 0.2).case
 
 
 def test_only_a_cylinder_that_is_lifted_has_a_speed():
