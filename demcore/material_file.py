@@ -5,13 +5,13 @@ The file that ships with demcore, data/materials.toml, is the example. Importabl
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from demcore.errors import InputError
 from demcore.material import Material, MaterialPart, load_material, material_from_row, mixed
+from demcore.toml_file import number, read_toml, refuse_unknown
 
 NUMBERS = (
     "bulk_density_kg_m3",
@@ -24,7 +24,6 @@ NUMBERS = (
 LISTS = {"sizes": ("lower_mm", "upper_mm", "mass_share"), "wall_restitution": ("value", "mass_share")}
 # For a calibration; a simulation runs without.
 AIMS = ("target_deg", "window_deg", "constraints")
-LARGEST_FILE = 2**20
 
 
 def read_material(path: Path, name: str) -> Material:
@@ -33,7 +32,7 @@ def read_material(path: Path, name: str) -> Material:
     Raises InputError for a file that cannot be read, an unknown material, a key that is missing, unknown or lacks
     its unit, a value that is no number, and whatever `Material` refuses.
     """
-    table = _tables(path)
+    table = read_toml("material_file", path)
     row = table.get(name)
     if not isinstance(row, dict):
         raise InputError("material", name, f"one of {', '.join(table) or 'none'} in {path.name}")
@@ -50,7 +49,7 @@ def _mix(name: str, row: dict[str, Any], table: dict[str, Any]) -> Material:
         field = f"{name}.parts[{k}]"
         _check_keys(field, part, ("material", "mass_share"), ())
         parts.append(
-            MaterialPart(_part(part["material"], table), _number(f"{field}.mass_share", part["mass_share"]))
+            MaterialPart(_part(part["material"], table), number(f"{field}.mass_share", part["mass_share"]))
         )
     mix = mixed(name, parts)
     aims = _aims(name, row, mix.target_deg, list(mix.window_deg))
@@ -64,7 +63,7 @@ def _part(name: Any, table: dict[str, Any]) -> Material:
 
 def _pure(name: str, row: dict[str, Any]) -> Material:
     _check_keys(name, row, (*NUMBERS, *LISTS), AIMS)
-    numbers = {key: _number(f"{name}.{key}", row[key]) for key in NUMBERS}
+    numbers = {key: number(f"{name}.{key}", row[key]) for key in NUMBERS}
     lists = {key: _rows(f"{name}.{key}", row[key], columns) for key, columns in LISTS.items()}
     return material_from_row(name, {**numbers, **lists, **_aims(name, row, 45.0, [0.0, 90.0])})
 
@@ -75,41 +74,18 @@ def _aims(name: str, row: dict[str, Any], target: float, window: list[float]) ->
     if not isinstance(window, list) or len(window) != 2:
         raise InputError(f"{name}.window_deg", window, "two angles in degrees")
     return {
-        "target_deg": _number(f"{name}.target_deg", row.get("target_deg", target)),
-        "window_deg": [_number(f"{name}.window_deg", angle) for angle in window],
+        "target_deg": number(f"{name}.target_deg", row.get("target_deg", target)),
+        "window_deg": [number(f"{name}.window_deg", angle) for angle in window],
         "constraints": [str(text) for text in row.get("constraints", ())],
     }
 
 
-def _tables(path: Path) -> dict[str, Any]:
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise InputError("material_file", str(path), f"a file of at most {LARGEST_FILE} bytes")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError("material_file", str(path), f"a file that can be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError("material_file", str(path), f"a TOML file ({error})") from None
-
-
 def _check_keys(field: str, row: dict[str, Any], needed: tuple[str, ...], optional: tuple[str, ...]) -> None:
-    known = (*needed, *optional)
     for key, value in row.items():
-        if key in known:
-            continue
-        with_unit = [k for k in known if k.startswith(f"{key}_")]
-        if with_unit:
-            raise InputError(f"{field}.{key}", value, f"{with_unit[0]}: a number says its unit in its name")
-        raise InputError(f"{field}.{key}", value, "a known key: " + ", ".join(known))
+        refuse_unknown(field, key, value, (*needed, *optional))
     for key in needed:
         if key not in row:
             raise InputError(f"{field}.{key}", None, "a value: it is missing")
-
-
-def _number(field: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(field, value, "a number")
-    return float(value)
 
 
 def _rows(field: str, value: Any, columns: tuple[str, ...]) -> list[dict[str, float]]:
@@ -118,5 +94,5 @@ def _rows(field: str, value: Any, columns: tuple[str, ...]) -> list[dict[str, fl
     rows = []
     for k, row in enumerate(value):
         _check_keys(f"{field}[{k}]", row, columns, ())
-        rows.append({name: _number(f"{field}[{k}].{name}", row[name]) for name in columns})
+        rows.append({name: number(f"{field}[{k}].{name}", row[name]) for name in columns})
     return rows

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from demcore import checkpoint
-from demcore.commands.arguments import check_at_least, output_folder
-from demcore.commands.pile import check_threads
+from demcore.commands.arguments import output_folder
+from demcore.commands.kept_run import add_run_options, run_kept, run_options
 from demcore.commands.quantity import parse_quantity
+from demcore.dormancy import Dormancy
 from demcore.experiments.charge_case import ChargeTest, charge_names, load_charge
-from demcore.identity import run_identity
 from demcore.plant.plant_file import load_plant
-from demcore.recorder import SeriesRecorder
-from demcore.stop_signals import stop_signals
 
 if TYPE_CHECKING:
     from demcore.experiments.charge_result import ChargeResult
-
-CHECKPOINT = "run.checkpoint"
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -36,11 +30,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--rest", default="10s", help="simulated time after the last grain came (default 10s)")
     run.add_argument("--draw", action="store_true", help="only draw the plant from three sides")
     run.add_argument("--estimate", action="store_true", help="only tell what the charge would cost")
-    run.add_argument("--frames", default="1s", help="simulated time between frames, or none (default 1s)")
-    run.add_argument("--threads", type=int, default=1)
-    run.add_argument("--out", type=Path, default=Path("charge"), help="folder for the files")
-    run.add_argument("--resume", action="store_true", help="continue from the checkpoint in --out")
-    run.add_argument("--checkpoint-seconds", type=float, default=30.0, help="between two saves (default 30)")
+    run.add_argument("--no-dormancy", action="store_true", help="compute particles that do nothing, too")
+    add_run_options(run, "charge", "1s")
     run.set_defaults(run=charge)
 
 
@@ -52,14 +43,12 @@ def charge(arguments: argparse.Namespace) -> int:
         scale=arguments.scale,
         seed=arguments.seed,
         rest_seconds=parse_quantity("rest", arguments.rest, "time"),
+        dormancy=None if arguments.no_dormancy else Dormancy(),
     )
-    check_threads(arguments.threads)
-    check_at_least("checkpoint_seconds", arguments.checkpoint_seconds, 0.0)
-    interval = None if arguments.frames == "none" else parse_quantity("frames", arguments.frames, "time")
-    from demcore.experiments.charge_test import check_feed, estimate_cost
+    options = run_options(arguments)
+    from demcore.experiments.charge_test import estimate_cost, run_charge
     from demcore.experiments.plant_drawing import draw_plant
 
-    check_feed(test)
     if arguments.estimate:
         print(estimate_cost(test).sentence())
         return 0
@@ -68,20 +57,8 @@ def charge(arguments: argparse.Namespace) -> int:
         if arguments.draw:
             print(f"plant drawn: {folder / 'plant.png'}")
             return 0
-        path = folder / CHECKPOINT
-        if not arguments.resume:
-            checkpoint.discard(path)
-        elif checkpoint.load_newest(path, run_identity(test.case, test)) is None:
-            print(f"no checkpoint of this run in {folder}: it starts from its beginning", file=sys.stderr)
         print(_coarseness(test) + estimate_cost(test).sentence(), flush=True)
-        recorder = None if interval is None else SeriesRecorder(folder, interval)
-        result = _run(test, arguments, path, recorder)
-        _write(result, folder)
-        if recorder is not None:
-            recorder.finish()
-        checkpoint.discard(path)
-        if recorder is not None:
-            recorder.discard_journal()
+        result = run_kept(test, run_charge, options, folder, _write)
     _tell(result, folder)
     return 0
 
@@ -94,26 +71,6 @@ def _coarseness(test: ChargeTest) -> str:
         f"{test.largest_diameter:.3f} m, {test.largest_share:.0%} of the narrowest passage, and is simulated "
         "below it\n"
     )
-
-
-def _run(
-    test: ChargeTest, arguments: argparse.Namespace, path: Path, recorder: SeriesRecorder | None
-) -> ChargeResult:
-    import numba
-
-    from demcore.commands.progress_bar import ProgressBar
-    from demcore.experiments.charge_test import run_charge
-    from demcore.run import Progress
-
-    numba.set_num_threads(arguments.threads)
-    with ProgressBar() as bar, stop_signals() as stopped:
-
-        def show(progress: Progress) -> bool:
-            bar.show(progress)
-            return not stopped
-
-        seconds = arguments.checkpoint_seconds
-        return run_charge(test, show, arguments.threads, path, seconds, recorder)
 
 
 def _write(result: ChargeResult, folder: Path) -> None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from demcore import checkpoint
 from demcore.commands.arguments import check_at_least, output_folder
+from demcore.commands.kept_run import add_run_options, run_kept, run_options
 from demcore.commands.quantity import parse_quantity
 from demcore.dormancy import Dormancy
 from demcore.errors import InputError
@@ -18,18 +17,14 @@ from demcore.experiments.contact_parameters import LIMITS, MIXING_RULES, Contact
 from demcore.experiments.mix_trials import pairwise_optimum
 from demcore.experiments.paper_tables import TABLE_5
 from demcore.experiments.pile_case import PileTest
-from demcore.identity import run_identity
 from demcore.material import Material, load_material, material_names
 from demcore.material_file import read_material
-from demcore.recorder import SeriesRecorder
 from demcore.rig import load_rig, rig_names
-from demcore.stop_signals import stop_signals
 from demcore.time_step import PRESETS
 
 if TYPE_CHECKING:
     from demcore.experiments.pile_result import PileResult
 
-CHECKPOINT = "run.checkpoint"
 # The paper's four by their options; what else a contact has, by its own name.
 FOUR = ("friction", "wall_friction", "restitution", "rolling")
 FURTHER = tuple(LIMITS)[len(FOUR) :]
@@ -71,35 +66,19 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         action="store_true",
         help="hold particles that do nothing, and compute them again when something happens to them",
     )
-    run.add_argument("--frames", default="50ms", help="simulated time between frames, or none (default 50ms)")
-    run.add_argument("--threads", type=int, default=1)
-    run.add_argument("--out", type=Path, default=Path("pile"), help="folder for the files")
-    run.add_argument("--resume", action="store_true", help="continue from the checkpoint in --out")
-    run.add_argument("--checkpoint-seconds", type=float, default=10.0, help="between two saves (default 10)")
+    add_run_options(run, "pile", "50ms")
     run.set_defaults(run=pile)
 
 
 def pile(arguments: argparse.Namespace) -> int:
     """Run one pile test, show progress, write its files. Everything is checked before a folder is made."""
     test = pile_test(arguments)
-    check_threads(arguments.threads)
-    check_at_least("checkpoint_seconds", arguments.checkpoint_seconds, 0.0)
-    interval = None if arguments.frames == "none" else parse_quantity("frames", arguments.frames, "time")
+    options = run_options(arguments)
+    from demcore.experiments.pile_test import run_pile_test
+
     with output_folder(arguments.out) as folder:
-        path = folder / CHECKPOINT
-        if not arguments.resume:
-            checkpoint.discard(path)
-        elif checkpoint.load_newest(path, run_identity(test.case, test)) is None:
-            print(f"no checkpoint of this run in {folder}: it starts from its beginning", file=sys.stderr)
-        recorder = None if interval is None else SeriesRecorder(folder, interval)
-        result = _run(test, arguments, path, recorder)
-        _write(result, folder)
-        if recorder is not None:
-            recorder.finish()
-        checkpoint.discard(path)
-        if recorder is not None:
-            recorder.discard_journal()
-    series = "" if recorder is None else "; over time: spheres.vtkhdf, walls.vtkhdf"
+        result = run_kept(test, run_pile_test, options, folder, _write)
+    series = "" if options.frame_interval is None else "; over time: spheres.vtkhdf, walls.vtkhdf"
     _tell(result, folder, series)
     return 0
 
@@ -182,33 +161,6 @@ def with_time_step(test: PileTest, text: str) -> PileTest:
     if seconds > limit:
         raise InputError("time_step", text, f"at most {limit * 1e6:.3f}us, the limit of the loading time")
     return replace(test, time_step_factor=seconds / limit)
-
-
-def check_threads(threads: int) -> None:
-    """Raises InputError for a number of threads that this process cannot run."""
-    from demcore.bench.rates import check_threads
-
-    check_threads(threads)
-
-
-def _run(
-    test: PileTest, arguments: argparse.Namespace, path: Path, recorder: SeriesRecorder | None
-) -> PileResult:
-    import numba
-
-    from demcore.commands.progress_bar import ProgressBar
-    from demcore.experiments.pile_test import run_pile_test
-    from demcore.run import Progress
-
-    numba.set_num_threads(arguments.threads)
-    with ProgressBar() as bar, stop_signals() as stopped:
-
-        def show(progress: Progress) -> bool:
-            bar.show(progress)
-            return not stopped
-
-        seconds = arguments.checkpoint_seconds
-        return run_pile_test(test, show, arguments.threads, path, seconds, recorder)
 
 
 def _write(result: PileResult, folder: Path) -> None:

@@ -18,15 +18,24 @@ from typing import Any
 from demcore.allowed import choice, natural, not_negative, positive, within
 from demcore.case import Case, Numerics
 from demcore.charge import Feed
+from demcore.dormancy import Dormancy
 from demcore.errors import InputError
-from demcore.experiments.contact_parameters import STEEL, ContactParameters, interactions
-from demcore.interaction import Interactions, Stiffness, Surface
-from demcore.material import Material, MixPart, check_mix, cut_off, load_material
-from demcore.plant.checks import check_mass, check_plant, feed_inlet
+from demcore.experiments.contact_parameters import (
+    ContactParameters,
+    PairwiseParameters,
+    Parameters,
+    PartParameters,
+    grains_of,
+    interactions,
+    numerics_of,
+)
+from demcore.interaction import Interactions
+from demcore.material import Material, MixPart, cut_off, load_material
+from demcore.plant.checks import check_mass, check_plant
+from demcore.plant.clearance import check_inlet, feed_inlet
 from demcore.plant.parts import Plant
 from demcore.plant.surfaces import plant_walls
 from demcore.region import Box
-from demcore.sampling import bulk_density
 from demcore.time_step import PRESETS
 
 # Seconds that the feed may lag behind its rate before the charge counts as one that the inlet cannot pass.
@@ -41,39 +50,41 @@ KG_S_PER_T_H = 1000.0 / 3600.0
 
 @dataclass(frozen=True)
 class Charge:
-    """A batch as the plant orders it: `rate` kg/s for `duration` s of a mix, with the contact numbers of each of
-    its materials."""
+    """A batch as the plant orders it: `rate` kg/s for `duration` s of a material or mix, with the numbers of its
+    contacts: one set for all of them, as the paper has it, or one for each part (PairwiseParameters)."""
 
     name: str
-    mix: tuple[MixPart, ...]
-    materials: tuple[Material, ...]
-    parameters: tuple[ContactParameters, ...]
+    material: Material
+    parameters: Parameters
     rate: float
     duration: float
 
     def __post_init__(self) -> None:
-        check_mix("charge.mix", self.mix)
         positive("charge.rate", self.rate, "kg/s")
         positive("charge.duration", self.duration, "s")
-        names = [m.name for m in self.materials]
-        if names != [part.material for part in self.mix] or len(self.parameters) != len(names):
-            raise InputError("charge.materials", names, "the mix's parts, each with its contact numbers")
+        if isinstance(self.parameters, PairwiseParameters):
+            names = [grain.name for grain in self.material.grains]
+            for part in self.parameters.parts:
+                choice("charge.parameters", part.material, names)
+            grains_of(self.material, self.parameters)
+
+    @property
+    def mix(self) -> tuple[MixPart, ...]:
+        """Its grains by name, with their shares of the mass."""
+        return self.material.mix
 
     @property
     def mass(self) -> float:
         """kg."""
         return self.rate * self.duration
 
-    @property
-    def bulk_density(self) -> float:
-        """Of the loose mix, kg/m3."""
-        return bulk_density(self.mix, self.materials)
-
 
 @dataclass(frozen=True)
 class ChargeTest:
     """One virtual charge. `scale` multiplies the sizes; `largest_share` of the narrowest passage is the largest
-    grain that is simulated, what is coarser joins the class below; `rest_seconds` after the last grain came."""
+    grain that is simulated, what is coarser joins the class below; `rest_seconds` after the last grain came.
+    `time_step` is a preset, `time_step_factor` shortens it after a blow-up. Most of a charge is a bed at rest, so
+    what does nothing is held (`dormancy`; None computes it all)."""
 
     charge: Charge
     plant: Plant
@@ -82,6 +93,8 @@ class ChargeTest:
     rest_seconds: float = 10.0
     largest_share: float = 1.0 / 3.0
     time_step: str = "fast"
+    time_step_factor: float = 1.0
+    dormancy: Dormancy | None = field(default_factory=Dormancy)
     numerics: Numerics = field(default_factory=lambda: Numerics(may_squeeze=MAY_SQUEEZE))
 
     def __post_init__(self) -> None:
@@ -89,15 +102,18 @@ class ChargeTest:
         within("largest_share", self.largest_share, 0.01, 1.0)
         not_negative("rest_seconds", self.rest_seconds, "s")
         choice("time_step", self.time_step, PRESETS)
+        within("time_step_factor", self.time_step_factor, 0.01, 1.0)
         natural("seed", self.seed)
         check_plant(self.plant)
-        check_mass(self.plant, self.charge.mass, self.charge.bulk_density)
-        smallest = self.scale * min(m.sizes.smallest for m in self.charge.materials)
+        check_mass(self.plant, self.charge.mass, self.charge.material.bulk_density)
+        smallest = self.scale * self.charge.material.sizes.smallest
         if smallest >= self.largest_diameter:
             allowed = (
                 f"less: the smallest grain would be {smallest:g} m, {self.largest_diameter:.3g} m may pass"
             )
             raise InputError("scale", self.scale, allowed)
+        largest = max(g.sizes.largest for g in self.grains)
+        check_inlet(self.plant, largest, feed_inlet(self.plant))
 
     @property
     def largest_diameter(self) -> float:
@@ -110,7 +126,7 @@ class ChargeTest:
     @cached_property
     def grains(self) -> tuple[Material, ...]:
         """The materials at the scale of the simulation, cut off at the largest diameter."""
-        coarse = [m.coarse_grained(self.scale) for m in self.charge.materials]
+        coarse = grains_of(self.charge.material.coarse_grained(self.scale), self.charge.parameters)
         return tuple(
             replace(m, sizes=cut_off(m.sizes, 0.0, self.largest_diameter))
             if m.sizes.largest > self.largest_diameter
@@ -123,7 +139,7 @@ class ChargeTest:
         """Of the charge's mass: what is coarser than the largest grain simulated, and was made smaller."""
         return sum(
             part.mass_share * _share_above(material, self.largest_diameter / self.scale)
-            for part, material in zip(self.charge.mix, self.charge.materials, strict=True)
+            for part, material in zip(self.charge.mix, self.charge.material.grains, strict=True)
         )
 
     @property
@@ -145,16 +161,8 @@ class ChargeTest:
 
     @property
     def interactions(self) -> Interactions:
-        """Every contact; unlike grains take the mean."""
-        parts = [
-            interactions(m, p) for m, p in zip(self.charge.materials, self.charge.parameters, strict=True)
-        ]
-        first = self.charge.materials[0]
-        return Interactions(
-            tuple(c for part in parts for c in part.grain_contacts),
-            tuple(c for part in parts for c in part.wall_contacts),
-            (Surface(STEEL, Stiffness(first.youngs_modulus, first.poisson_ratio)),),
-        )
+        """Every contact; unlike grains take the mean of their sets."""
+        return interactions(self.charge.material, self.charge.parameters)
 
     @cached_property
     def case(self) -> Case:
@@ -170,7 +178,7 @@ class ChargeTest:
             mass=self.charge.mass,
             velocity=(velocity[0], velocity[1], velocity[2]),
         )
-        return Case(
+        case = Case(
             grains=self.grains,
             interactions=self.interactions,
             duration=self.seconds + LONGEST_LAG,
@@ -178,9 +186,13 @@ class ChargeTest:
             feeds=(feed,),
             domain=plant_domain(self.plant),
             rest=None,
-            numerics=replace(self.numerics, time_step=self.time_step),
+            numerics=numerics_of(self.charge.parameters, self.numerics, self.time_step),
+            dormancy=self.dormancy,
             seed=self.seed,
         )
+        if self.time_step_factor == 1.0:
+            return case
+        return replace(case, time_step=case.largest_time_step * self.time_step_factor)
 
 
 def _share_above(material: Material, diameter: float) -> float:
@@ -214,22 +226,35 @@ def charge_names() -> tuple[str, ...]:
     return tuple(_table())
 
 
-def load_charge(name: str, parameters: Mapping[str, ContactParameters] | None = None) -> Charge:
-    """The charge shipped under `name`, with the paper's contact numbers unless `parameters` has others, by
-    material. Raises InputError for an unknown one."""
+def load_charge(
+    name: str, parameters: ContactParameters | Mapping[str, ContactParameters] | None = None
+) -> Charge:
+    """The charge shipped under `name`, with the paper's contact numbers unless `parameters` has others: one set
+    for all contacts, or sets by material. Raises InputError for an unknown name."""
     table = _table()
     if name not in table:
         raise InputError("charge", name, "one of " + ", ".join(table))
     row = table[name]
-    mix = tuple(MixPart(material, share) for material, share in row["mix"].items())
-    usual, given = ContactParameters(**row["parameters"]), dict(parameters or {})
-    for material in given:
-        choice("charge.parameters", material, [part.material for part in mix])
+    material, usual = load_material(row["material"]), ContactParameters(**row["parameters"])
     return Charge(
         name,
-        mix,
-        tuple(load_material(part.material) for part in mix),
-        tuple(given.get(part.material, usual) for part in mix),
+        material,
+        _parameters(material, usual, parameters),
         row["rate_t_h"] * KG_S_PER_T_H,
         row["duration_s"],
     )
+
+
+def _parameters(
+    material: Material,
+    usual: ContactParameters,
+    given: ContactParameters | Mapping[str, ContactParameters] | None,
+) -> Parameters:
+    if given is None or isinstance(given, ContactParameters):
+        return usual if given is None else given
+    names = [grain.name for grain in material.grains]
+    for name in given:
+        choice("charge.parameters", name, names)
+    if len(names) == 1:
+        return given.get(names[0], usual)
+    return PairwiseParameters(tuple(PartParameters(name, given.get(name, usual)) for name in names))

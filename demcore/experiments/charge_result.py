@@ -312,5 +312,7 @@ def describe_charge(test: ChargeTest) -> dict[str, Any]:
         "rest_seconds": test.rest_seconds,
         "largest_share": test.largest_share,
         "time_step": test.time_step,
+        "time_step_factor": test.time_step_factor,
+        "dormancy": None if test.dormancy is None else dataclasses.asdict(test.dormancy),
         "numerics": dataclasses.asdict(test.numerics),
     }

@@ -16,7 +16,6 @@ from demcore.experiments.charge_result import ChargeResult, measure_charge
 from demcore.experiments.charge_run import ChargePlan
 from demcore.geometry.walls import Wall
 from demcore.plant import jet
-from demcore.plant.checks import check_inlet, feed_inlet
 from demcore.region import cylinder
 from demcore.run import OnProgress, Recorder, drive
 from demcore.simulation import SKIN
@@ -37,19 +36,12 @@ def run_charge(
     """Run the charge and measure the burden; same test and seed, same bits, on any number of threads.
 
     `on_progress`, `checkpoint_path` and `recorder` are those of demcore.run.simulate.
-    Raises InputError for an inlet inside a wall, Cancelled, BlowUp or NoResult (demcore.errors).
+    Raises Cancelled, BlowUp or NoResult (demcore.errors).
     """
-    check_feed(test)
     plan = ChargePlan(test)
     run = CaseRun(test.case, plan, threads > 1, program=test)
     drive(run, on_progress, checkpoint_path, checkpoint_seconds, recorder)
     return measure_charge(test, run, plan)
-
-
-def check_feed(test: ChargeTest) -> None:
-    """Raises InputError when the largest grain does not fit the inlet, or would be born inside a wall."""
-    largest = max(g.sizes.largest for g in test.grains)
-    check_inlet(test.plant, largest, feed_inlet(test.plant))
 
 
 class Rate(NamedTuple):

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 from demcore.allowed import choice, shares, within
+from demcore.case import Numerics
 from demcore.errors import InputError
 from demcore.interaction import (
     GrainContact,
@@ -215,6 +216,17 @@ def averaged(
 def grains_of(material: Material, parameters: Parameters) -> tuple[Material, ...]:
     """The granular materials of a test at its own scale: the material, or each part of a mix."""
     return tuple(parameters_of(parameters, grain.name).made_of(grain) for grain in material.grains)
+
+
+def numerics_of(parameters: Parameters, numerics: Numerics, time_step: str) -> Numerics:
+    """The numerics of a test; what its parameters and its preset of the time step say goes before."""
+    ratio, damping = parameters.tangential_stiffness_ratio, parameters.long_term_damping
+    return replace(
+        numerics,
+        time_step=time_step,
+        stiffness_ratio=numerics.stiffness_ratio if ratio is None else ratio,
+        long_term_damping=numerics.long_term_damping if damping is None else damping,
+    )
 
 
 def interactions(material: Material, parameters: Parameters) -> Interactions:

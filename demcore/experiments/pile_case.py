@@ -19,6 +19,7 @@ from demcore.experiments.contact_parameters import (
     Parameters,
     grains_of,
     interactions,
+    numerics_of,
     with_base,
 )
 from demcore.experiments.pile_setting import PileSetting
@@ -157,23 +158,13 @@ class PileTest:
             air=None if s.air is None else s.air.at_scale(self.scale),
             domain=Box((-reach, -reach, FLOOR), (reach, reach, math.inf)),
             contact_model=self.contact_model,
-            numerics=self._numerics(),
+            numerics=numerics_of(self.parameters, self.numerics, self.time_step),
             dormancy=self.dormancy,
             seed=self.seed,
         )
         if self.time_step_factor == 1.0:
             return case
         return replace(case, time_step=case.largest_time_step * self.time_step_factor)
-
-    def _numerics(self) -> Numerics:
-        """What the test's own fields say goes before `numerics`."""
-        ratio = self.parameters.tangential_stiffness_ratio
-        ratio = self.numerics.stiffness_ratio if ratio is None else ratio
-        damping = self.parameters.long_term_damping
-        damping = self.numerics.long_term_damping if damping is None else damping
-        return replace(
-            self.numerics, time_step=self.time_step, stiffness_ratio=ratio, long_term_damping=damping
-        )
 
     @property
     def diameters_across_base(self) -> float:

@@ -7,16 +7,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from demcore.errors import InputError
 from demcore.plant.jet import crossing
 from demcore.plant.parts import Plant
 from demcore.plant.surfaces import deflector_mesh
-from demcore.region import RectangleInlet
-
-# Places across the inlet at which the largest grain is tried.
-INLET_GRID = 9
 
 
 def frustum(height: float, a: float, b: float) -> float:
@@ -118,41 +112,3 @@ def _check_deflector(plant: Plant) -> None:
             raise InputError("deflector", told, "inside the hopper, below its lid")
         if radius <= plant.rod.radius or z <= plant.floor_at(radius):
             raise InputError("deflector", told, "clear of the rod, above the bell and the hopper's wall")
-
-
-def feed_inlet(plant: Plant, clearance: float = 0.0) -> RectangleInlet:
-    """The opening above the belt's tail, level across and tilted like the belt, raised by `clearance`, m."""
-    belt, f = plant.belt, plant.feeder
-    running, normal = np.array(belt.running), np.array(belt.normal)
-    upstream = belt.loaded_length - 0.5 * f.length
-    centre = np.array(belt.tangent_point) - upstream * running + (f.drop + clearance) * normal
-    half = 0.5 * f.length * running
-    return RectangleInlet(
-        (float(centre[0]), float(centre[1]), float(centre[2])),
-        (float(half[0]), float(half[1]), float(half[2])),
-        (0.0, 0.5 * f.width, 0.0),
-    )
-
-
-def check_inlet(plant: Plant, largest_diameter: float, inlet: RectangleInlet) -> None:
-    """Raises InputError when the largest grain, anywhere in the inlet, would be born inside a wall."""
-    # Compiled code, which a case that is only described does not need.
-    from demcore.geometry.wall_arrays import wall_arrays
-    from demcore.insertion import touches_wall, walls_at
-    from demcore.plant.surfaces import plant_walls
-
-    walls = plant_walls(plant)
-    rows = wall_arrays(walls)
-    present = walls_at(rows, 0, 1.0)
-    share = (np.arange(INLET_GRID) + 0.5) / INLET_GRID
-    uniform = np.array([(a, b) for a in share for b in share])
-    radius = 0.5 * largest_diameter
-    if radius > inlet.largest_radius:
-        room = f"there is {2.0 * inlet.largest_radius:g} m"
-        allowed = f"room for the largest grain, {largest_diameter:g} m across; {room}"
-        raise InputError("feeder", f"{plant.feeder.length:g} m by {plant.feeder.width:g} m", allowed)
-    for x, y, z in inlet.points(uniform, radius):
-        if touches_wall(x, y, z, radius, rows, present):
-            place = f"({x:.3f}, {y:.3f}, {z:.3f}) m"
-            allowed = f"an inlet clear of walls: a grain of {largest_diameter:g} m at {place} touches one"
-            raise InputError("feeder.drop", plant.feeder.drop, allowed)

@@ -11,7 +11,6 @@ of one's own may give the bare number. A part is replaced by a mesh in the plant
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
@@ -38,6 +37,7 @@ from demcore.plant.parts import (
     Rod,
 )
 from demcore.plant.surfaces import plant_walls
+from demcore.toml_file import number, read_toml, refuse_unknown
 
 CLASSES: dict[str, type] = {
     "belt": Belt,
@@ -52,7 +52,6 @@ CLASSES: dict[str, type] = {
 PLAIN = ("rollers", "head_room")
 SPEEDS = ("speed", "fall_speed")
 MESH_KEYS = ("stl", "stl_units", "stl_up")
-LARGEST_FILE = 2**20
 # A mesh this many times larger or smaller than the part it stands for was read in a wrong unit.
 SIZE_RATIO = 10.0
 
@@ -76,7 +75,7 @@ def load_plant(path: Path | None = None) -> Plant:
     numbers, _ = _numbers(tomllib.loads(shipped), "the shipped plant")
     if path is None:
         return build_plant(numbers)
-    changes, meshes = _numbers(_read(path), path.name)
+    changes, meshes = _numbers(read_toml("plant_file", path), path.name)
     for part, values in changes.items():
         numbers[part] |= values
     plant = build_plant(numbers)
@@ -102,17 +101,6 @@ def build_plant(numbers: Numbers, replacements: tuple[Replacement, ...] = ()) ->
     return Plant(**parts, head_room=head_room, replacements=replacements, sources=sources)
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise InputError("plant_file", str(path), f"a file of at most {LARGEST_FILE} bytes")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError("plant_file", str(path), f"a file that can be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError("plant_file", str(path), f"a TOML file ({error})") from None
-
-
 def _numbers(table: Mapping[str, Any], file: str) -> tuple[Numbers, dict[str, dict[str, Any]]]:
     """The numbers of a file by part and key, with their reasons, and its meshes by part."""
     numbers: Numbers = {}
@@ -126,8 +114,8 @@ def _numbers(table: Mapping[str, Any], file: str) -> tuple[Numbers, dict[str, di
         known = {key_of(f.name)[0] for f in fields(CLASSES[part])}
         mesh = {key: value for key, value in row.items() if key in MESH_KEYS}
         for key in row:
-            if key not in known and key not in MESH_KEYS:
-                raise InputError(f"{part}.{key}", row[key], _known_key(key, known))
+            if key not in MESH_KEYS:
+                refuse_unknown(part, key, row[key], sorted(known))
         numbers[part] = {k: _number(f"{part}.{k}", v, file) for k, v in row.items() if k in known}
         if mesh:
             if part not in REPLACEABLE:
@@ -136,20 +124,11 @@ def _numbers(table: Mapping[str, Any], file: str) -> tuple[Numbers, dict[str, di
     return numbers, meshes
 
 
-def _known_key(key: str, known: set[str]) -> str:
-    with_unit = sorted(k for k in known if k.startswith(f"{key}_"))
-    if with_unit:
-        return f"{with_unit[0]}: a number says its unit in its name"
-    return "a known key: " + ", ".join(sorted(known))
-
-
 def _number(field: str, value: Any, file: str) -> tuple[float, str]:
     why = f"given in {file}"
     if isinstance(value, dict) and set(value) <= {"value", "why"} and "value" in value:
         value, why = value["value"], str(value.get("why", why))
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(field, value, "a number, or { value = a number, why = a reason }")
-    return value, why
+    return number(field, value, ", or { value = a number, why = a reason }"), why
 
 
 def _replacement(plant: Plant, part: str, table: Mapping[str, Any], beside: Path) -> Replacement:

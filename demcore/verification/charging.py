@@ -84,8 +84,8 @@ def belt_rate() -> Iterator[Outcome]:
     """The belt carries the rate that it is fed to within 1 %, and every grain is somewhere."""
     coke = load_charge("coke")
     sizes = SizeDistribution((SizeClass(ONE_SIZE, ONE_SIZE, 1.0),))
-    material = replace(coke.materials[0], sizes=sizes)
-    charge = replace(coke, materials=(material,), rate=LIGHT_RATE, duration=FED_SECONDS)
+    material = replace(coke.material, sizes=sizes)
+    charge = replace(coke, material=material, rate=LIGHT_RATE, duration=FED_SECONDS)
     test = ChargeTest(charge, load_plant(), scale=1.0, rest_seconds=0.5)
     run = CaseRun(test.case)
     s, rows = run.simulation, []

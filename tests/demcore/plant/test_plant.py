@@ -16,13 +16,12 @@ from demcore.geometry.mesh import TriangleMesh
 from demcore.plant import jet
 from demcore.plant.checks import (
     capacity,
-    check_inlet,
     check_mass,
     check_plant,
-    feed_inlet,
     level_of,
     level_volume,
 )
+from demcore.plant.clearance import check_inlet, feed_inlet
 from demcore.plant.parts import Hopper, Rod
 from demcore.plant.plant_file import load_plant
 from demcore.plant.surfaces import (
