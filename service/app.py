@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from service.api import controls, designs, events, exports, health, jobs, materials, reports, studies
+from service.api import charges, controls, designs, events, exports, health, jobs, materials, reports, studies
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
 from service.dashboard import assets, pages
@@ -47,7 +47,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.state.database = database
-    for module in (materials, exports, studies, controls, reports, events, designs, jobs, health):
+    for module in (materials, exports, studies, controls, reports, events, designs, charges, jobs, health):
         app.include_router(module.router)
     app.include_router(pages.router)
     app.include_router(assets.router)

@@ -61,9 +61,9 @@ class Dispatcher:
         with self._database.reading() as session:
             expired = queries.expired(session)
         taken = 0
-        for lease, study_id in expired:
+        for lease in expired:
             with self._database.writing() as session:
-                state = reap_job(session, lease, study_id)
+                state = reap_job(session, lease)
             if state is not None:
                 taken += 1
                 log.warning("lease ran out", job=lease.job_id, attempt=lease.attempt, now=state.value)

@@ -22,6 +22,7 @@ TASK_NAMES = {
     JobKind.SIMULATE: "talus.simulate",
     JobKind.RECOMMEND: "talus.recommend",
     JobKind.REPORT: "talus.report",
+    JobKind.CHARGE: "talus.charge",
 }
 
 # A broker that does not answer within this long counts as away.

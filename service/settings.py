@@ -117,6 +117,10 @@ class Settings(BaseSettings):
         return self.data_dir / "artifacts"
 
     @property
+    def geometries_dir(self) -> Path:
+        return self.data_dir / "geometries"
+
+    @property
     def logs_dir(self) -> Path:
         return self.data_dir / "logs"
 

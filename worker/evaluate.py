@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -58,9 +59,16 @@ def checkpoint_path(job_id: str, settings: Settings) -> Path:
     return settings.data_dir / "checkpoints" / job_id
 
 
+def series_folder(job_id: str, settings: Settings) -> Path:
+    """Where the frames of a charge lie until it is over, beside its checkpoint."""
+    path = checkpoint_path(job_id, settings)
+    return path.with_name(path.name + ".series")
+
+
 def forget_checkpoint(job_id: str, settings: Settings) -> None:
     """Remove what a job that is over has left."""
     path = checkpoint_path(job_id, settings)
+    shutil.rmtree(series_folder(job_id, settings), ignore_errors=True)
     for file in path.parent.glob(path.name + "*"):
         file.unlink(missing_ok=True)
 

@@ -18,15 +18,16 @@ from service.db import queries
 from service.domain.outcome import FailureClass
 from service.domain.states import JobKind
 from service.queue import TASK_NAMES
-from service.studies.claim_job import Claim, claim_job
+from service.studies.claim_job import ChargeClaim, Claim, claim_job
 from service.studies.give_back_job import Return, give_back_job
 from service.studies.record_cancellation import record_cancellation
+from service.studies.record_charge import record_charge
 from service.studies.record_failure import record_failure
 from service.studies.record_measurement import record_measurement
 from service.studies.record_proposal import record_proposal
 from service.studies.record_recommendation import record_recommendation
 from service.studies.record_report import record_report
-from worker import evaluate, installation, optimize, process
+from worker import charge, evaluate, installation, optimize, process
 from worker.app import app
 from worker.process import Attempt, StopReason
 from worker.recovery import classify, persist, retry_of
@@ -52,7 +53,7 @@ def perform(job_id: str) -> None:
     ):
         watch = Stopwatch()
         try:
-            write: Write | None = WORK[claim.kind](claim, attempt, watch)
+            write: Write | None = work(claim, attempt, watch)
         except Exception as error:  # noqa: BLE001 (the one place: whatever failed is recorded)
             write = after_failure(error, claim, attempt, watch)
         if write is not None:
@@ -63,7 +64,7 @@ def perform(job_id: str) -> None:
         evaluate.forget_checkpoint(job_id, installation.settings())
 
 
-def record(claim: Claim, write: Write) -> None:
+def record(claim: Claim | ChargeClaim, write: Write) -> None:
     """Write the result. One that the database refuses (not: cannot take now) fails the job.
 
     psycopg raises ValueError and TypeError itself for what is no JSON, the other driver through SQLAlchemy.
@@ -77,6 +78,20 @@ def record(claim: Claim, write: Write) -> None:
         log.exception("result refused")
         recorded = persist(database, partial(record_failure, lease=claim.lease, failure=classify(error)))
     log.info("recorded" if recorded else "discarded: the lease was lost", kind=claim.kind.value)
+
+
+def work(claim: Claim | ChargeClaim, attempt: Attempt, watch: Stopwatch) -> Write:
+    """Do what the job's row says."""
+    if isinstance(claim, ChargeClaim):
+        return simulate_charge(claim, attempt, watch)
+    return WORK[claim.kind](claim, attempt, watch)
+
+
+def simulate_charge(claim: ChargeClaim, attempt: Attempt, watch: Stopwatch) -> Write:
+    """One charge of the hopper."""
+    measurement = charge.evaluate_charge(claim, attempt.report, installation.settings())
+    cost = watch.cost(measurement.results)
+    return partial(record_charge, lease=claim.lease, measurement=measurement, cost=cost)
 
 
 def simulate(claim: Claim, attempt: Attempt, watch: Stopwatch) -> Write:
@@ -118,7 +133,9 @@ WORK: dict[JobKind, Callable[[Claim, Attempt, Stopwatch], Write]] = {
 }
 
 
-def after_failure(error: Exception, claim: Claim, attempt: Attempt, watch: Stopwatch) -> Write | None:
+def after_failure(
+    error: Exception, claim: Claim | ChargeClaim, attempt: Attempt, watch: Stopwatch
+) -> Write | None:
     """What to write when the work raised; None: nothing, the job is somebody else's."""
     reason, lease, cost = attempt.stop, claim.lease, watch.cost()
     if reason is StopReason.FENCED:

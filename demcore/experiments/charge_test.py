@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from demcore.case import Case
 from demcore.case_run import CaseRun
 from demcore.charge import Fill
 from demcore.experiments.charge_case import ChargeTest
+from demcore.experiments.charge_cost import Cost, Rate, charge_cost
 from demcore.experiments.charge_result import ChargeResult, measure_charge
 from demcore.experiments.charge_run import ChargePlan
 from demcore.geometry.walls import Wall
@@ -44,70 +44,15 @@ def run_charge(
     return measure_charge(test, run, plan)
 
 
-class Rate(NamedTuple):
-    """What this machine does now on a small bed of a charge's grains: particle-steps a second between two searches
-    for neighbours, and how long a search of so many grains takes, s."""
-
-    particle_steps: float
-    search_seconds: float
-    grains: int
-
-
-@dataclass(frozen=True)
-class Cost:
-    """What a charge will take, from a rate measured on this machine just before. `present` is the number of grains
-    on average, `searches` for their neighbours: the jet is so fast that these count."""
-
-    particles: int
-    steps: int
-    present: float
-    searches: int
-    rate: Rate
-
-    @property
-    def particle_steps(self) -> float:
-        return self.present * self.steps
-
-    @property
-    def seconds(self) -> float:
-        """Of wall clock. A search of few grains takes as long as that of the bed on which it was timed."""
-        search = self.rate.search_seconds * max(1.0, self.present / self.rate.grains)
-        return self.particle_steps / self.rate.particle_steps + self.searches * search
-
-    def sentence(self) -> str:
-        """For a person, with a warning where it would take days."""
-        told = (
-            f"about {self.particles} grains, {self.steps} steps, {self.particle_steps:.1e} particle-steps; at "
-            f"{self.rate.particle_steps:.1e} a second and {1e3 * self.rate.search_seconds:.1f} ms for each of "
-            f"{self.searches} searches, as measured here, {_duration(self.seconds)}"
-        )
-        if self.seconds < 86_400.0:
-            return told
-        factor = math.ceil(10.0 * (self.seconds / 3600.0) ** 0.25) / 10.0
-        return (
-            f"{told}. THAT IS DAYS: {factor:g} times as coarse takes an hour (cost falls with the 4th power)"
-        )
-
-
-def _duration(seconds: float) -> str:
-    for unit, size in (("days", 86_400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= size:
-            return f"{seconds / size:.1f} {unit}"
-    return f"{seconds:.0f} s"
-
-
 def estimate_cost(test: ChargeTest, rate: Rate | None = None) -> Cost:
-    """Grains come evenly and stay, so half of them are there on average while they come, all of them at rest.
+    """What the charge costs at `rate`, by default measured now.
 
     While the jet falls, its fastest grains cross half the skin in a few steps, and then all are searched anew.
     """
-    dt = test.case.dt
-    present = test.expected_particles * (0.5 * test.charge.duration + test.rest_seconds) / test.seconds
     start = jet.release(test.plant.belt)
     fastest = math.sqrt(test.plant.belt.speed**2 + 2.0 * 9.81 * (start.z - test.plant.deflector.ridge_height))
     searches = math.ceil(test.charge.duration * fastest / (0.5 * SKIN * test.case.smallest_radius))
-    measured = measure_rate(test) if rate is None else rate
-    return Cost(test.expected_particles, math.ceil(test.seconds / dt), present, searches, measured)
+    return charge_cost(test, measure_rate(test) if rate is None else rate, searches)
 
 
 def rate_case(test: ChargeTest) -> Case:

@@ -53,7 +53,8 @@ def check_inlet(plant: Plant, largest_diameter: float, inlet: RectangleInlet) ->
         if touched.any():
             x, y, z = points[int(touched.argmax())]
             place = f"({x:.3f}, {y:.3f}, {z:.3f}) m"
-            allowed = f"an inlet clear of walls: a grain of {largest_diameter:g} m at {place} touches the {wall.name}"
+            grain = f"a grain of {largest_diameter:g} m at {place}"
+            allowed = f"an inlet clear of walls: {grain} touches the {wall.name}"
             raise InputError("feeder.drop", plant.feeder.drop, allowed)
 
 
@@ -74,7 +75,7 @@ def distance_to_wall(points: Floats, wall: Wall, reach: float) -> Floats:
 
 def distance_to_mesh(points: Floats, mesh: TriangleMesh, reach: float) -> Floats:
     """(P,) distances, m, to the nearest triangle whose box comes within `reach` of the points' own; else inf."""
-    corners = mesh.vertices[mesh.faces]
+    corners = mesh.corners()
     lower, upper = points.min(axis=0) - reach, points.max(axis=0) + reach
     near = corners[(corners.max(axis=1) >= lower).all(axis=1) & (corners.min(axis=1) <= upper).all(axis=1)]
     nearest = np.full(len(points), np.inf)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -71,17 +71,26 @@ def load_plant(path: Path | None = None) -> Plant:
     Raises InputError for a file that cannot be read, a part or key that is unknown or lacks its unit, a value that
     is no number, a mesh that cannot be read or has a wrong size, and whatever the parts refuse.
     """
+    if path is None:
+        return change_plant({}, "")
+    return change_plant(read_toml("plant_file", path), path.name, path.parent)
+
+
+def change_plant(changes: Mapping[str, Any], told: str, folder: Path | None = None) -> Plant:
+    """The shipped plant with changes in the form of its file, by part and key; `told` says where they come from.
+    Meshes are looked for in `folder`; without one there are none. Raises InputError as load_plant."""
     shipped = files("demcore").joinpath("data/plant.toml").read_text(encoding="utf-8")
     numbers, _ = _numbers(tomllib.loads(shipped), "the shipped plant")
-    if path is None:
-        return build_plant(numbers)
-    changes, meshes = _numbers(read_toml("plant_file", path), path.name)
-    for part, values in changes.items():
+    changed, meshes = _numbers(changes, told)
+    for part, values in changed.items():
         numbers[part] |= values
     plant = build_plant(numbers)
     if not meshes:
         return plant
-    replacements = tuple(_replacement(plant, part, table, path) for part, table in meshes.items())
+    if folder is None:
+        part, table = next(iter(meshes.items()))
+        raise InputError(f"{part}.stl", table.get("stl"), "no file here: only numbers")
+    replacements = tuple(_replacement(plant, part, table, folder) for part, table in meshes.items())
     return build_plant(numbers, replacements)
 
 
@@ -131,16 +140,29 @@ def _number(field: str, value: Any, file: str) -> tuple[float, str]:
     return number(field, value, ", or { value = a number, why = a reason }"), why
 
 
-def _replacement(plant: Plant, part: str, table: Mapping[str, Any], beside: Path) -> Replacement:
+def _replacement(plant: Plant, part: str, table: Mapping[str, Any], folder: Path) -> Replacement:
     for key in ("stl", "stl_units"):
         if not isinstance(table.get(key), str):
             allowed = "the mesh file's name" if key == "stl" else "one of " + ", ".join(UNITS)
             raise InputError(f"{part}.{key}", table.get(key), allowed)
-    units = table["stl_units"]
-    path = beside.parent / table["stl"]
-    mesh, _ = load_mesh(path, units, table.get("stl_up", "z"))
-    _check_size(plant, part, mesh, f"{path.name} read in {units}")
-    return Replacement(part, mesh, path.name)
+    path = folder / table["stl"]
+    return read_part(plant, part, path, table["stl_units"], table.get("stl_up", "z"), path.name)
+
+
+def read_part(plant: Plant, part: str, path: Path, units: str, up: str, file: str) -> Replacement:
+    """The mesh at `path` to stand for a part; `file` is what it is called. Raises InputError for a mesh that
+    cannot be read, or that has a wrong size for the part."""
+    if part not in REPLACEABLE:
+        raise InputError(f"{part}.stl", file, "a mesh for " + ", ".join(REPLACEABLE))
+    mesh, _ = load_mesh(path, units, up)
+    _check_size(plant, part, mesh, f"{file} read in {units}")
+    return Replacement(part, mesh, file)
+
+
+def replace_part(plant: Plant, part: str, path: Path, units: str, up: str, file: str) -> Plant:
+    """The plant with the mesh at `path` in the place of a part. Raises InputError as read_part."""
+    found = read_part(plant, part, path, units, up, file)
+    return replace(plant, replacements=(*(r for r in plant.replacements if r.part != part), found))
 
 
 def _check_size(plant: Plant, part: str, mesh: TriangleMesh, told: str) -> None:

@@ -14,6 +14,9 @@ from service.errors import NotFound
 
 router = APIRouter(prefix="/v1", tags=["designs"])
 
+# A report is shown in the browser: it may draw itself, and reach nothing.
+SEALED = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+
 
 @router.get("/designs/{design_id}", operation_id="getDesign", responses=problem_responses(404, 422))
 def get_design(design_id: RowId, database: DatabaseDep) -> DesignAnswer:
@@ -57,11 +60,15 @@ def get_artifact(artifact_id: RowId, database: DatabaseDep, settings: SettingsDe
     path = settings.artifacts_dir / row.path
     if not path.is_file():
         raise NotFound(f"The file of artifact {artifact_id} is no longer stored.")
-    inline = row.media_type.startswith("image/")
+    inline = row.media_type.startswith("image/") or row.media_type == "text/html"
     return FileResponse(
         path,
         media_type=row.media_type,
         filename=row.file_name,
         content_disposition_type="inline" if inline else "attachment",
-        headers={"ETag": f'"{row.sha256}"', "X-Content-Type-Options": "nosniff"},
+        headers={
+            "ETag": f'"{row.sha256}"',
+            "X-Content-Type-Options": "nosniff",
+            "Content-Security-Policy": SEALED,
+        },
     )

@@ -120,7 +120,7 @@ class StudyList(BaseModel):
 
 
 class ArtifactAnswer(BaseModel):
-    """A file of a design; its bytes are at `url`."""
+    """A file of a design or a charge; its bytes are at `url`."""
 
     id: int
     kind: str = Field(examples=["vtkhdf", "picture"])
@@ -144,7 +144,7 @@ class ArtifactAnswer(BaseModel):
 
 
 class ArtifactList(BaseModel):
-    """The files of a design."""
+    """The files of a design or a charge."""
 
     items: list[ArtifactAnswer]
 
@@ -290,8 +290,9 @@ class JobAnswer(BaseModel):
 
     id: str
     kind: JobKind
-    study_id: int
+    study_id: int | None
     design_id: int | None
+    charge_id: int | None
     state: JobState
     attempt: int
     max_attempts: int

@@ -60,13 +60,20 @@ ORIGINS: Mapping[str, Word] = {
     "coarse": Word("coarse", "A cheap simulation with larger particles, to learn the shape."),
 }
 
-PHASES: Mapping[str, str] = {"settle": "filling and settling", "discharge": "discharge over the rim"}
+PHASES: Mapping[str, str] = {
+    "settle": "filling and settling",
+    "discharge": "discharge over the rim",
+    "run-up": "run-up of the belt",
+    "charge": "charging",
+    "rest": "coming to rest",
+}
 
 JOB_KINDS: Mapping[str, str] = {
     "simulate": "pile test",
     "propose": "choosing the next parameters",
     "recommend": "choosing the optimum",
     "report": "writing the report",
+    "charge": "charge of the hopper",
 }
 
 FAILURES: Mapping[str, str] = {

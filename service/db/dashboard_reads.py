@@ -12,7 +12,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session, defer
 
 from service.db import queries, read_models
-from service.db.models import DesignRow, EventRow, JobRow, ProcessRow, RunRow, StudyRow
+from service.db.models import ChargeRow, DesignRow, EventRow, JobRow, ProcessRow, RunRow, StudyRow
 from service.domain.states import OPEN_JOBS, JobState
 
 # Workers and dispatchers report every few seconds; after this long without, they count as gone.
@@ -92,8 +92,11 @@ def changed_designs(session: Session, study_id: int, after: int) -> frozenset[in
 def open_jobs(session: Session, study_id: int | None = None) -> Sequence[OpenJob]:
     """Running ones first, then the longest waiting; at most MOST_JOBS."""
     statement = (
-        select(JobRow, DesignRow.number, StudyRow.material, RunRow.started_at)
-        .join(StudyRow, StudyRow.id == JobRow.study_id)
+        select(
+            JobRow, DesignRow.number, func.coalesce(StudyRow.material, ChargeRow.charge), RunRow.started_at
+        )
+        .outerjoin(StudyRow, StudyRow.id == JobRow.study_id)
+        .outerjoin(ChargeRow, ChargeRow.id == JobRow.charge_id)
         .outerjoin(DesignRow, DesignRow.id == JobRow.design_id)
         .outerjoin(RunRow, (RunRow.job_id == JobRow.id) & (RunRow.attempt == JobRow.attempt))
         .where(JobRow.state.in_(OPEN_JOBS))

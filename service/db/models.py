@@ -6,62 +6,40 @@ their names. JSON columns hold plain JSON: no NaN, no pickles.
 
 from __future__ import annotations
 
-import enum
-from typing import Any, ClassVar
+from typing import Any
 
 from sqlalchemy import (
-    JSON,
-    BigInteger,
     CheckConstraint,
-    Double,
-    Enum,
     ForeignKey,
     Index,
-    Integer,
-    MetaData,
     String,
     Text,
     UniqueConstraint,
     text,
 )
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.orm import Mapped, mapped_column
 
+from service.db.base import Base, Id, stored_enum
+from service.db.charge_models import ChargeRow, GeometryRow
 from service.db.clock import database_now
 from service.domain.states import DesignState, JobKind, JobState, StudyState, Verdict
 
-# SQLite only numbers rows by itself in a column of type INTEGER.
-Id = BigInteger().with_variant(Integer(), "sqlite")
-
-
-class Base(DeclarativeBase):
-    """All tables, with constraint names that a later migration can address on both databases."""
-
-    metadata = MetaData(
-        naming_convention={
-            "ix": "ix_%(column_0_label)s",
-            "uq": "uq_%(table_name)s_%(column_0_name)s",
-            "ck": "ck_%(table_name)s_%(constraint_name)s",
-            "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
-            "pk": "pk_%(table_name)s",
-        }
-    )
-    type_annotation_map: ClassVar[dict[Any, Any]] = {
-        dict[str, Any]: JSON(none_as_null=True),
-        float: Double(),
-        int: BigInteger(),
-    }
-
-
-def _stored(states: type[enum.Enum], name: str) -> Enum:
-    """A text column that takes the enum's values only; a CHECK says so to the database, too."""
-    return Enum(
-        states,
-        name=name,
-        native_enum=False,
-        create_constraint=True,
-        length=16,
-        values_callable=lambda members: [m.value for m in members],
-    )
+__all__ = [
+    "ArtifactRow",
+    "Base",
+    "BudgetChangeRow",
+    "ChargeRow",
+    "DesignRow",
+    "EventRow",
+    "GeometryRow",
+    "JobRow",
+    "ProcessRow",
+    "ProposalRow",
+    "ReportRow",
+    "RunRow",
+    "StudyRow",
+    "SurrogateRow",
+]
 
 
 class StudyRow(Base):
@@ -79,7 +57,7 @@ class StudyRow(Base):
     )
 
     id: Mapped[int] = mapped_column(Id, primary_key=True)
-    state: Mapped[StudyState] = mapped_column(_stored(StudyState, "state"), default=StudyState.RUNNING)
+    state: Mapped[StudyState] = mapped_column(stored_enum(StudyState, "state"), default=StudyState.RUNNING)
     material: Mapped[str] = mapped_column(String(64))
     spec: Mapped[dict[str, Any]]
     space_hash: Mapped[str] = mapped_column(String(64))
@@ -217,8 +195,8 @@ class DesignRow(Base):
     prediction: Mapped[dict[str, Any] | None]
     acquisition: Mapped[float | None]
     reason: Mapped[str] = mapped_column(Text)
-    state: Mapped[DesignState] = mapped_column(_stored(DesignState, "state"), default=DesignState.WAITING)
-    verdict: Mapped[Verdict | None] = mapped_column(_stored(Verdict, "verdict"))
+    state: Mapped[DesignState] = mapped_column(stored_enum(DesignState, "state"), default=DesignState.WAITING)
+    verdict: Mapped[Verdict | None] = mapped_column(stored_enum(Verdict, "verdict"))
     angle_deg: Mapped[float | None]
     angle_sd_deg: Mapped[float | None]
     literal_angle_deg: Mapped[float | None]
@@ -234,7 +212,8 @@ class DesignRow(Base):
 
 
 class JobRow(Base):
-    """A piece of work for a worker. This row is the truth; the message in the broker only says "look here".
+    """A piece of work for a worker, of a study or a charge. This row is the truth; the message in the broker only
+    says "look here".
 
     `attempt` is the fence: a worker may only write where the attempt is still its own. `max_attempts` bounds
     the attempts that were lost; one that was given back in order, or repeated by a retry rule, raises it.
@@ -243,10 +222,13 @@ class JobRow(Base):
     __tablename__ = "jobs"
     __table_args__ = (
         CheckConstraint("(kind = 'simulate') = (design_id is not null)", name="design"),
+        CheckConstraint("(kind = 'charge') = (charge_id is not null)", name="charge"),
+        CheckConstraint("(study_id is null) = (charge_id is not null)", name="owner"),
         Index("ix_jobs_state_published_at", "state", "published_at"),
         Index("ix_jobs_created_at_id", "created_at", "id"),
         Index("ix_jobs_study_id", "study_id"),
         Index("ix_jobs_design_id", "design_id"),
+        Index("uq_jobs_charge_id", "charge_id", unique=True),
         Index(
             "uq_jobs_open_design",
             "design_id",
@@ -271,10 +253,11 @@ class JobRow(Base):
     )
 
     id: Mapped[str] = mapped_column(String(36), primary_key=True)
-    kind: Mapped[JobKind] = mapped_column(_stored(JobKind, "kind"))
-    study_id: Mapped[int] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
+    kind: Mapped[JobKind] = mapped_column(stored_enum(JobKind, "kind"))
+    study_id: Mapped[int | None] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
     design_id: Mapped[int | None] = mapped_column(ForeignKey("designs.id", ondelete="CASCADE"))
-    state: Mapped[JobState] = mapped_column(_stored(JobState, "state"), default=JobState.QUEUED)
+    charge_id: Mapped[int | None] = mapped_column(ForeignKey("charges.id", ondelete="CASCADE"))
+    state: Mapped[JobState] = mapped_column(stored_enum(JobState, "state"), default=JobState.QUEUED)
     attempt: Mapped[int] = mapped_column(default=0)
     max_attempts: Mapped[int]
     time_step_factor: Mapped[float] = mapped_column(default=1.0)
@@ -314,13 +297,20 @@ class RunRow(Base):
 
 
 class ArtifactRow(Base):
-    """A file of a design, fetched by this id; `path` (below the artifact folder) never leaves the service."""
+    """A file of a design or a charge, fetched by this id; `path` (below the artifact folder) never leaves the
+    service."""
 
     __tablename__ = "artifacts"
-    __table_args__ = (UniqueConstraint("design_id", "kind"), {"sqlite_autoincrement": True})
+    __table_args__ = (
+        UniqueConstraint("design_id", "kind"),
+        UniqueConstraint("charge_id", "kind"),
+        CheckConstraint("(design_id is null) = (charge_id is not null)", name="owner"),
+        {"sqlite_autoincrement": True},
+    )
 
     id: Mapped[int] = mapped_column(Id, primary_key=True)
-    design_id: Mapped[int] = mapped_column(ForeignKey("designs.id", ondelete="CASCADE"))
+    design_id: Mapped[int | None] = mapped_column(ForeignKey("designs.id", ondelete="CASCADE"))
+    charge_id: Mapped[int | None] = mapped_column(ForeignKey("charges.id", ondelete="CASCADE"))
     kind: Mapped[str] = mapped_column(String(16))
     file_name: Mapped[str] = mapped_column(String(100))
     media_type: Mapped[str] = mapped_column(String(100))

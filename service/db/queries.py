@@ -14,7 +14,7 @@ from sqlalchemy import and_, case, or_, select, update
 from sqlalchemy.orm import Session
 
 from service.db.clock import database_now
-from service.db.models import JobRow, StudyRow
+from service.db.models import ChargeRow, JobRow, StudyRow
 from service.domain.states import JobKind, JobState, StudyState, is_over, sources
 
 # A published job that nobody claimed is published again after this long times the square of its publications:
@@ -50,9 +50,21 @@ def lock_study(session: Session, study_id: int) -> StudyRow | None:
     return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
 
 
-def study_of_job(session: Session, job_id: str) -> int | None:
-    """The id of the study that a job belongs to; it never changes."""
-    return session.scalars(select(JobRow.study_id).where(JobRow.id == job_id)).one_or_none()
+def lock_charge(session: Session, charge_id: int) -> ChargeRow | None:
+    """The charge's row, locked until the commit, as a study's is."""
+    statement = select(ChargeRow).where(ChargeRow.id == charge_id).with_for_update()
+    return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
+
+
+def lock_owner(session: Session, job_id: str) -> StudyRow | ChargeRow | None:
+    """The study or the charge that a job belongs to, which never changes, locked. None: no such job."""
+    statement = select(JobRow.study_id, JobRow.charge_id).where(JobRow.id == job_id)
+    found = session.execute(statement).one_or_none()
+    if found is None:
+        return None
+    if found.charge_id is not None:
+        return lock_charge(session, found.charge_id)
+    return lock_study(session, found.study_id)
 
 
 def is_job_over(session: Session, job_id: str) -> bool:
@@ -200,15 +212,15 @@ def ask_to_cancel(session: Session, job_id: str) -> bool:
     return session.execute(statement).scalar_one_or_none() is not None
 
 
-def expired(session: Session, limit: int = 100) -> Sequence[tuple[Lease, int]]:
-    """Running jobs whose lease ran out, with their studies; `reap` decides about each."""
+def expired(session: Session, limit: int = 100) -> Sequence[Lease]:
+    """Running jobs whose lease ran out; `reap` decides about each."""
     statement = (
-        select(JobRow.id, JobRow.attempt, JobRow.study_id)
+        select(JobRow.id, JobRow.attempt)
         .where(JobRow.state == JobState.RUNNING, JobRow.lease_until < database_now())
         .order_by(JobRow.lease_until)
         .limit(limit)
     )
-    return [(Lease(row.id, row.attempt), row.study_id) for row in session.execute(statement)]
+    return [Lease(row.id, row.attempt) for row in session.execute(statement)]
 
 
 def to_publish(session: Session, limit: int = 500) -> Sequence[tuple[str, JobKind]]:
@@ -220,10 +232,14 @@ def to_publish(session: Session, limit: int = 500) -> Sequence[tuple[str, JobKin
     patience = REPUBLISH_AFTER_S * JobRow.publications * JobRow.publications
     statement = (
         select(JobRow.id, JobRow.kind)
-        .join(StudyRow, StudyRow.id == JobRow.study_id)
+        .outerjoin(StudyRow, StudyRow.id == JobRow.study_id)
         .where(
             JobRow.state == JobState.QUEUED,
-            or_(StudyRow.state != StudyState.PAUSED, JobRow.kind.in_(CLAIMED_WHILE_PAUSED)),
+            or_(
+                StudyRow.id.is_(None),
+                StudyRow.state != StudyState.PAUSED,
+                JobRow.kind.in_(CLAIMED_WHILE_PAUSED),
+            ),
             or_(JobRow.published_at.is_(None), waited > patience, waited < 0.0),
         )
         .order_by(JobRow.created_at, JobRow.id)

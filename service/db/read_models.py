@@ -197,5 +197,6 @@ def _design_views(session: Session, condition: ColumnElement[bool]) -> list[Desi
     files: dict[int, list[ArtifactRow]] = {}
     stored = select(ArtifactRow).join(DesignRow, DesignRow.id == ArtifactRow.design_id).where(condition)
     for artifact in session.scalars(stored.order_by(ArtifactRow.kind)):
+        assert artifact.design_id is not None, "joined by it"
         files.setdefault(artifact.design_id, []).append(artifact)
     return [DesignView(row[0], row[1], row[2], row[3], files.get(row[0].id, ())) for row in found]

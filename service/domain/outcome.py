@@ -1,4 +1,4 @@
-"""What one attempt at a job gives back: a measured pile, or a failure with its class and text."""
+"""What one attempt at a job gives back: a measured pile or charge, or a failure with its class and text."""
 
 from __future__ import annotations
 
@@ -58,6 +58,14 @@ class PileMeasurement:
         """By observable."""
         angles = {"angle_deg": self.angle_deg, "literal_angle_deg": self.literal_angle_deg}
         return read_observables({**self.results, **angles})
+
+
+@dataclass(frozen=True)
+class ChargeMeasurement:
+    """The numbers of a finished charge, with its findings, and its files."""
+
+    results: Mapping[str, Any]
+    artifacts: tuple[StoredArtifact, ...] = ()
 
 
 @dataclass(frozen=True)

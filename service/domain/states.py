@@ -11,7 +11,7 @@ from enum import Enum
 
 
 class DesignState(Enum):
-    """Where a design (one simulated parameter set) stands."""
+    """Where a simulation stands: a design (one parameter set of a study), or a charge."""
 
     WAITING = "WAITING"
     RUNNING = "RUNNING"
@@ -44,13 +44,14 @@ class StudyState(Enum):
 
 
 class JobKind(Enum):
-    """What a job does: propose the next design, simulate one, recommend the study's optimum at its end, or
-    report on what is known of a study so far."""
+    """What a job does: propose the next design, simulate one, recommend the study's optimum at its end, report
+    on what is known of a study so far, or simulate a charge of the hopper."""
 
     PROPOSE = "propose"
     SIMULATE = "simulate"
     RECOMMEND = "recommend"
     REPORT = "report"
+    CHARGE = "charge"
 
 
 class Verdict(Enum):

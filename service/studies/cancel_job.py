@@ -1,11 +1,11 @@
-"""Cancel one simulation; its study goes on without that design."""
+"""Cancel one simulation: a charge, or a design, without which its study goes on."""
 
 from __future__ import annotations
 
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import JobRow
+from service.db.models import JobRow, StudyRow
 from service.domain.states import JobKind, JobState
 from service.studies.advance_study import advance_study
 from service.studies.withdraw_jobs import withdraw_job
@@ -17,17 +17,17 @@ class JobNotCancellable(ValueError):
 
 def cancel_job(session: Session, job_id: str) -> JobRow | None:
     """None: no such job. A queued job ends now, a running one when its worker notices."""
-    study_id = queries.study_of_job(session, job_id)
-    study = queries.lock_study(session, study_id) if study_id is not None else None
-    job = session.get(JobRow, job_id, populate_existing=True) if study is not None else None
-    if study is None or job is None:
+    owner = queries.lock_owner(session, job_id)
+    job = session.get(JobRow, job_id, populate_existing=True) if owner is not None else None
+    if owner is None or job is None:
         return None
     if job.state is JobState.CANCELLED:
         return job
-    if job.kind is not JobKind.SIMULATE:
-        raise JobNotCancellable(f"a {job.kind.value} job carries its study: cancel study {study.id} instead")
+    if job.kind not in (JobKind.SIMULATE, JobKind.CHARGE):
+        raise JobNotCancellable(f"a {job.kind.value} job carries its study: cancel study {owner.id} instead")
     if not withdraw_job(session, job):
         raise JobNotCancellable(f"the job is {job.state.value} already")
-    advance_study(session, study)
+    if isinstance(owner, StudyRow):
+        advance_study(session, owner)
     session.refresh(job)
     return job

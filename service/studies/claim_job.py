@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import DesignRow, JobRow, RunRow, StudyRow
+from service.db.models import ChargeRow, DesignRow, JobRow, RunRow, StudyRow
 from service.db.queries import Lease
+from service.domain.charge import ChargeSpec
 from service.domain.history import StudyHistory
 from service.domain.spec_record import spec_from_record
 from service.domain.states import DesignState, JobKind, StudyState, require_change
 from service.domain.study import StudySpec
+from service.studies.move_charge import move_charge
 from service.studies.read_history import read_history, read_whole_history
 from service.studies.record_event import record_design_event
 
@@ -35,11 +37,22 @@ class Claim:
     history: StudyHistory | None = None
 
 
-def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> Claim | None:
+@dataclass(frozen=True)
+class ChargeClaim:
+    """A claimed charge."""
+
+    lease: Lease
+    charge_id: int
+    spec: ChargeSpec
+    time_step_factor: float
+    attempts_left: int
+    kind: JobKind = JobKind.CHARGE
+
+
+def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> Claim | ChargeClaim | None:
     """None when there is nothing to claim: the message was a duplicate, forged, or came too late."""
-    study_id = queries.study_of_job(session, job_id)
-    study = queries.lock_study(session, study_id) if study_id is not None else None
-    if study is None or _is_held(session, study, job_id):
+    owner = queries.lock_owner(session, job_id)
+    if owner is None or (isinstance(owner, StudyRow) and _is_held(session, owner, job_id)):
         return None
     job = queries.claim(session, job_id, worker_id, lease_s)
     if job is None:
@@ -47,8 +60,15 @@ def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> 
     session.add(
         RunRow(job_id=job.id, attempt=job.attempt, worker_id=worker_id, time_step_factor=job.time_step_factor)
     )
-    lease = Lease(job.id, job.attempt)
-    spec, left = spec_from_record(study.spec), job.max_attempts - job.attempt
+    lease, left = Lease(job.id, job.attempt), job.max_attempts - job.attempt
+    if isinstance(owner, ChargeRow):
+        move_charge(session, owner, DesignState.RUNNING)
+        return ChargeClaim(lease, owner.id, ChargeSpec.from_record(owner.spec), job.time_step_factor, left)
+    return _claim_of_study(session, owner, job, lease, left)
+
+
+def _claim_of_study(session: Session, study: StudyRow, job: JobRow, lease: Lease, left: int) -> Claim:
+    spec = spec_from_record(study.spec)
     if job.kind is not JobKind.SIMULATE:
         read = read_history if job.kind is JobKind.PROPOSE else read_whole_history
         history = read(session, study)

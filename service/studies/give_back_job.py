@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from sqlalchemy.orm import Session
 
 from service.db import queries
+from service.db.models import ChargeRow
 from service.db.queries import Lease
 from service.domain.outcome import RunCost
 from service.domain.states import DesignState, JobState, require_change
 from service.studies.close_run import close_run
 from service.studies.finish_job import FinishedJob, rows_of
+from service.studies.move_charge import move_charge
 from service.studies.record_cancellation import settle_cancellation
 from service.studies.record_event import record_design_event
 
@@ -28,12 +30,11 @@ class Return:
 
 def give_back_job(session: Session, lease: Lease, why: Return, cost: RunCost | None = None) -> bool:
     """False: the lease was lost, nothing is written."""
-    study_id = queries.study_of_job(session, lease.job_id)
-    study = queries.lock_study(session, study_id) if study_id is not None else None
-    job = queries.give_back(session, lease, why.counts, why.time_step_factor) if study is not None else None
-    if study is None or job is None:
+    owner = queries.lock_owner(session, lease.job_id)
+    job = queries.give_back(session, lease, why.counts, why.time_step_factor) if owner is not None else None
+    if owner is None or job is None:
         return False
-    ended = rows_of(session, study, job)
+    ended = rows_of(session, owner, job)
     if job.state is JobState.CANCELLED:
         settle_cancellation(session, ended, lease, cost)
     else:
@@ -46,6 +47,8 @@ def settle_return(
 ) -> None:
     """What follows from a job that is queued again already."""
     close_run(session, lease, why.exit_class, why.text, cost)
+    if isinstance(ended.owner, ChargeRow):
+        move_charge(session, ended.owner, DesignState.WAITING)
     design = ended.design
     if design is not None:
         require_change(design.state, DesignState.WAITING)

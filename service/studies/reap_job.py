@@ -14,17 +14,17 @@ from service.studies.record_cancellation import settle_cancellation
 from service.studies.record_failure import settle_failure
 
 
-def reap_job(session: Session, lease: Lease, study_id: int) -> JobState | None:
+def reap_job(session: Session, lease: Lease) -> JobState | None:
     """Queued again, failed at its last attempt, or cancelled. None: somebody else was faster.
 
-    One transaction a job, the study's lock first: reaping many never blocks, or deadlocks with, a finishing
+    One transaction a job, its owner's lock first: reaping many never blocks, or deadlocks with, a finishing
     worker.
     """
-    study = queries.lock_study(session, study_id)
-    job = queries.reap(session, lease) if study is not None else None
-    if study is None or job is None:
+    owner = queries.lock_owner(session, lease.job_id)
+    job = queries.reap(session, lease) if owner is not None else None
+    if owner is None or job is None:
         return None
-    ended = rows_of(session, study, job)
+    ended = rows_of(session, owner, job)
     text = f"the worker was not heard of for its whole lease (attempt {lease.attempt})"
     if job.state is JobState.CANCELLED:
         settle_cancellation(session, ended, lease)

@@ -6,10 +6,11 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import DesignRow, JobRow, StudyRow
+from service.db.models import ChargeRow, DesignRow, JobRow, StudyRow
 from service.db.queries import Lease
 from service.domain.states import OPEN_JOBS, DesignState, JobKind, JobState, require_change
 from service.studies.close_run import close_run
+from service.studies.move_charge import move_charge
 from service.studies.record_event import record_design_event
 
 
@@ -38,8 +39,11 @@ def withdraw_decision(session: Session, study: StudyRow, why: str) -> None:
 
 
 def withdraw_job(session: Session, job: JobRow) -> bool:
-    """False: the job was over already. Needs the study's lock."""
+    """False: the job was over already. Needs its owner's lock."""
     if job.state is JobState.QUEUED and queries.cancel_queued(session, job.id):
+        if job.charge_id is not None:
+            charge = session.get_one(ChargeRow, job.charge_id, populate_existing=True)
+            move_charge(session, charge, DesignState.CANCELLED)
         if job.design_id is not None:
             cancel_design(session, session.get_one(DesignRow, job.design_id, populate_existing=True))
         return True

@@ -10,8 +10,9 @@ import pytest
 
 from demcore.errors import InputError
 from demcore.experiments.charge_case import ChargeTest, load_charge
+from demcore.experiments.charge_cost import Cost, Rate
 from demcore.experiments.charge_run import BELT, FLIGHT, HOPPER, LOST, places_of
-from demcore.experiments.charge_test import Cost, Rate, estimate_cost, rate_case
+from demcore.experiments.charge_test import estimate_cost, rate_case
 from demcore.experiments.pile_case import ContactParameters
 from demcore.plant.plant_file import load_plant
 
@@ -89,7 +90,7 @@ def test_what_cannot_be_is_refused(changes, said):
 
 
 def test_a_charge_that_the_hopper_does_not_hold_is_refused():
-    double = replace(load_charge("iron"), duration=280.0)
+    double = replace(load_charge("iron"), duration=500.0)
     with pytest.raises(InputError, match=r"charge.mass.*the hopper holds"):
         charge_test(charge=double)
     with pytest.raises(InputError, match=r"charge: got 'granite', allowed is one of coke, iron"):
@@ -156,9 +157,9 @@ def test_every_place_of_the_plant_has_its_name():
     assert at(0.5, 0.5, 0.29) == LOST
     assert at(0.5, 0.5, 0.8) == FLIGHT
     assert at(0.8, 0.2, -0.5) == HOPPER
-    assert at(1.6, 0.0, -1.5) == LOST
-    assert at(1.2, 0.0, -2.15) == LOST
-    assert at(1.1, 0.0, -2.1) == HOPPER
-    assert at(0.0, 0.5, -2.3) == LOST
+    assert at(1.85, 0.0, -2.0) == LOST
+    assert at(1.35, 0.0, -2.75) == LOST
+    assert at(1.25, 0.0, -2.7) == HOPPER
+    assert at(0.0, 0.5, -2.9) == LOST
     assert at(2.0, 0.0, -1.0) == LOST
     assert at(-3.0, ty, -1.0) == LOST

@@ -8,7 +8,7 @@ from PIL import Image
 from demcore.__main__ import main
 from demcore.commands.charge import mass_lines
 from demcore.experiments import charge_test
-from demcore.experiments.charge_test import Rate
+from demcore.experiments.charge_cost import Rate
 
 
 def refused(arguments, capsys):
@@ -47,7 +47,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(arguments, said, tmp_path, cap
     [
         ("[belt]\nspeed_m_s = 4.0\n", "belt.speed: got 4.0, allowed is a jet through the hatch"),
         ("[hopper]\nrim_radius_mm = 1.6\n", "hopper.seat_radius"),
-        ("[hopper]\ncylinder_height_mm = 1\nseat_depth_mm = 1250\n", "charge.mass"),
+        ("[hopper]\nrim_radius_mm = 1650\ncylinder_height_mm = 1\nseat_depth_mm = 1450\n", "charge.mass"),
         ("[deflector]\nridge_height_mm = 900\n", "deflector"),
         ("[feeder]\ndrop_mm = 50\n", "feeder.drop"),
     ],

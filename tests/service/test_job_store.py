@@ -50,9 +50,9 @@ def reap_all(database: Database) -> list[JobState | None]:
     with database.reading() as session:
         expired = queries.expired(session)
     states = []
-    for lease, study_id in expired:
+    for lease in expired:
         with database.writing() as session:
-            states.append(reap_job(session, lease, study_id))
+            states.append(reap_job(session, lease))
     return states
 
 
@@ -159,7 +159,7 @@ def test_the_reaper_leaves_living_leases_alone(database: Database) -> None:
     _, job_id = a_simulate_job(database)
     lease = claimed(database, job_id).lease
     with database.writing() as session:
-        assert reap_job(session, lease, job(database, job_id).study_id) is None
+        assert reap_job(session, lease) is None
     assert reap_all(database) == []
 
 

@@ -37,12 +37,12 @@ def no_shutdown(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_lease_outlives_its_first_length(database: Database) -> None:
-    study_id, job_id = a_simulate_job(database)
+    _, job_id = a_simulate_job(database)
     lease = claimed(database, job_id, lease_s=LEASE_S).lease
     with Attempt(database, lease, LEASE_S) as attempt:
         time.sleep(2 * LEASE_S)
         with database.writing() as session:
-            assert reap_job(session, lease, study_id) is None
+            assert reap_job(session, lease) is None
         assert attempt.stop is None
     assert job(database, job_id).state is JobState.RUNNING
 
@@ -66,11 +66,11 @@ def test_a_cancellation_is_seen_within_a_second(database: Database) -> None:
 
 
 def test_a_taken_over_job_is_noticed(database: Database) -> None:
-    study_id, job_id = a_simulate_job(database)
+    _, job_id = a_simulate_job(database)
     lease = claimed(database, job_id, lease_s=60.0).lease
     let_lease_expire(database, job_id)
     with database.writing() as session:
-        reap_job(session, lease, study_id)
+        reap_job(session, lease)
     claimed(database, job_id, "other")
     with Attempt(database, lease, LEASE_S) as attempt:
         wait_until(lambda: attempt.stop is StopReason.FENCED)

@@ -93,8 +93,8 @@ def test_whatever_dies_and_whoever_is_faster(worker: InProcessWorker) -> None:
             with worker.database.writing() as session:
                 from service.db import queries
 
-                (lease, of_study) = queries.expired(session)[0]
-                reap_job(session, lease, of_study)
+                lease = queries.expired(session)[0]
+                reap_job(session, lease)
     assert killed, "nothing was killed: the test shows nothing"
     assert "design_returned" in event_kinds(worker.database, study_id)
     assert outcome(worker.database, study_id) == expected

@@ -174,7 +174,7 @@ def test_a_worker_that_lost_its_job_while_frozen_discards_what_it_has(
     def freeze(claim: Claim, _report: Report, _settings: Settings) -> PileMeasurement:
         let_lease_expire(worker.database, job_id)
         with worker.database.writing() as session:
-            reap_job(session, claim.lease, study_id)
+            reap_job(session, claim.lease)
         claimed(worker.database, job_id, "other")
         if ends_with == "error":
             raise NoResult("late")

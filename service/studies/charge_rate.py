@@ -1,0 +1,34 @@
+"""How fast charges run here, by those that have run: what a new one's cost is told by."""
+
+from __future__ import annotations
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from demcore.experiments.charge_cost import Rate
+from service.db.models import ChargeRow
+from service.domain.charge import ChargeSpec
+from service.domain.states import DesignState
+
+# Particle-steps a second, searches included, of a coke charge at scale 8 on one busy core of a small machine.
+ASSUMED = Rate(8e5, source="assumed, as no charge has run here yet")
+LATEST = 50
+
+
+def expected_rate(session: Session, spec: ChargeSpec) -> Rate:
+    """Of the newest finished charge of the nearest scale."""
+    newest = (
+        select(ChargeRow.id, ChargeRow.scale, ChargeRow.results)
+        .where(ChargeRow.state == DesignState.COMPLETE)
+        .order_by(ChargeRow.id.desc())
+        .limit(LATEST)
+    )
+    found = [
+        (abs(row.scale - spec.scale), -row.id, row.results["particle_steps"] / row.results["wall_s"])
+        for row in session.execute(newest)
+        if row.results and row.results.get("wall_s")
+    ]
+    if not found:
+        return ASSUMED
+    _, number, rate = min(found)
+    return Rate(rate, source=f"as charge {-number} ran here")
