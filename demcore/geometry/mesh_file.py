@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from demcore.errors import InputError
@@ -118,6 +117,8 @@ def save_mesh(mesh: TriangleMesh, path: Path, units: str = "mm") -> None:
         raise InputError("units", units, "one of " + ", ".join(UNITS))
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"mesh file {path.name}", path.suffix or "no suffix", "one of " + ", ".join(FORMATS))
+    import trimesh
+
     made = trimesh.Trimesh(mesh.vertices / UNITS[units], mesh.faces, process=False)
     aside = path.with_name(path.name + ".part")
     made.export(aside, file_type=path.suffix.lower()[1:])
@@ -163,6 +164,9 @@ def _read(path: Path) -> tuple[Floats, Integers]:
 
 def _parse(content: bytes, kind: str) -> tuple[Floats, Integers]:
     """All geometries of a file as one soup."""
+    # Here, because it brings scipy along and takes a second, which a process that reads no mesh need not wait.
+    import trimesh
+
     scene = trimesh.load_scene(
         io.BytesIO(content),
         file_type=kind,

@@ -9,7 +9,6 @@ distance to the surface is that to the segment (r0, 0) to (r1, length) in the ha
 from __future__ import annotations
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from demcore.errors import InputError
@@ -75,6 +74,9 @@ def distance_to_wall(points: Floats, wall: Wall, reach: float) -> Floats:
 
 def distance_to_mesh(points: Floats, mesh: TriangleMesh, reach: float) -> Floats:
     """(P,) distances, m, to the nearest triangle whose box comes within `reach` of the points' own; else inf."""
+    # Here, because it takes a second to import, which a process that charges nothing need not wait.
+    import trimesh
+
     corners = mesh.corners()
     lower, upper = points.min(axis=0) - reach, points.max(axis=0) + reach
     near = corners[(corners.max(axis=1) >= lower).all(axis=1) & (corners.min(axis=1) <= upper).all(axis=1)]
