@@ -20,7 +20,7 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}\n")
 
 
-def _whole(lowest: int, highest: int) -> Callable[[str], int]:
+def whole(lowest: int, highest: int) -> Callable[[str], int]:
     def parse(text: str) -> int:
         if not text.isdecimal() or not lowest <= int(text) <= highest:
             allowed = f"a whole number from {lowest} to {highest}"
@@ -45,10 +45,10 @@ def parser() -> OneLineParser:
     commands = top.add_subparsers(dest="command", required=True)
     command = commands.add_parser("bench", help="rank strategies on the synthetic study of calibration.md")
     command.add_argument("--json", action="store_true", help="a list of rows instead of the table")
-    command.add_argument("--seeds", type=_whole(1, 1000), default=30, help="studies for each case")
-    command.add_argument("--first-seed", type=_whole(0, 10**6), default=1, help="the first study's seed")
+    command.add_argument("--seeds", type=whole(1, 1000), default=30, help="studies for each case")
+    command.add_argument("--first-seed", type=whole(0, 10**6), default=1, help="the first study's seed")
     command.add_argument("--noise", type=_noise, default=NOISE_SD_DEG, help="sd of a run, degrees")
-    command.add_argument("--parallel", type=_whole(1, 64), default=1, help="designs in flight")
+    command.add_argument("--parallel", type=whole(1, 64), default=1, help="designs in flight")
     names = sorted(methods())
     command.add_argument("--method", action="append", choices=names, help="only this one (repeatable)")
     return top

@@ -1,0 +1,137 @@
+"""The whole pipeline on plants whose truth is the stand-in itself: what is hidden is named, nothing is not."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from service.domain.data_set.cells import BadDataSet
+from service.domain.data_set.records import DataSet
+from service.domain.errors import InvalidValue
+from tests.worker.diagnosis.plants import CHARGES, QUICK, diagnosed, measured
+from worker.diagnosis.diagnose import diagnose
+from worker.diagnosis.gain import held_out_gain, with_gain
+from worker.diagnosis.identifiability import Plan, identifiability
+from worker.diagnosis.next_measurement import next_measurements
+from worker.diagnosis.stand_in import StandIn
+
+HIDDEN = ("belt_speed", -0.08)
+
+
+def test_a_strong_effect_is_named_with_its_size() -> None:
+    """An effect of some ten standard deviations, of the analyser's own world: this is not a matter of luck."""
+    _, found = diagnosed(*HIDDEN)
+    assert found.result.verdict in ("named", "named_with_remainder")
+    claim = found.result.claims[0]
+    assert claim.effect == "belt_speed" and claim.amplitude.unit == "1"
+    assert claim.amplitude.value == pytest.approx(HIDDEN[1], rel=0.3)
+    assert claim.amplitude.ci90[0] < claim.amplitude.value < claim.amplitude.ci90[1]
+    assert (found.result.p_value or 1.0) <= 0.02
+
+
+def test_limits_and_silent_effects_are_told_beside() -> None:
+    _, found = diagnosed(*HIDDEN)
+    limits = {limit.effect: limit.detectable_from for limit in found.result.limits}
+    assert 0.0 < limits["belt_speed"] < 0.08
+    assert found.power is not None
+    cosines = found.power.cosines
+    assert np.allclose(cosines, cosines.T) and np.all(np.abs(cosines) <= 1.0 + 1e-9)
+
+
+def test_nothing_hidden_nothing_claimed() -> None:
+    _, found = diagnosed("belt_speed", 0.0)
+    assert found.result.claims == ()
+    assert found.result.calibration is not None and len(found.result.calibration.statistics) == QUICK.plants
+
+
+def test_piles_alone_cannot_test_what_acts_on_charges() -> None:
+    found = diagnose(measured({}, piles_only=True), StandIn(), QUICK)
+    assert {"belt_speed", "deflector_tilt", "liner_wear", "air_drag"} <= set(found.result.not_testable)
+    assert "cohesion" not in found.result.not_testable
+
+
+def test_the_verdict_does_not_see_the_held_out_block() -> None:
+    data, found = diagnosed(*HIDDEN)
+    held = {c.condition for c in data.conditions if c.holdout}
+    changed = [
+        dataclasses.replace(o, value=o.value * 1.5) if o.condition in held else o for o in data.observations
+    ]
+    again = diagnose(DataSet(data.conditions, tuple(changed)), StandIn(), QUICK)
+    assert again.result.as_dict() == found.result.as_dict()
+
+
+def test_a_stored_null_calibration_is_used_for_the_same_design_only() -> None:
+    data, found = diagnosed(*HIDDEN)
+    null = found.result.calibration
+    assert null is not None
+    again = diagnose(data, StandIn(), QUICK, {null.key: null})
+    assert again.result.calibration is null
+    fewer = DataSet(data.conditions, tuple(o for o in data.observations if o.replicate != "r3"))
+    assert diagnose(fewer, StandIn(), QUICK, {null.key: null}).result.calibration is not null
+
+
+def test_the_held_out_gain_of_the_right_effect_makes_a_claim() -> None:
+    data, found = diagnosed(*HIDDEN)
+    gain = held_out_gain(data, StandIn(), found, QUICK)
+    assert set(gain.by_condition) == {c.condition for c in data.conditions if c.holdout}
+    assert gain.log_score == pytest.approx(sum(gain.by_condition.values()))
+    assert gain.log_score > max(gain.null_95, 4.0) and gain.rmse_after < gain.rmse_before
+    assert 0.6 < gain.coverage_90 <= 1.0
+    assert [c.level for c in with_gain(found.result, gain).claims][:1] == ["claim"]
+    weak = dataclasses.replace(gain, log_score=-1.0)
+    assert with_gain(found.result, weak).claims[0].level == "named"
+
+
+def test_no_gain_of_a_model_that_names_nothing() -> None:
+    data, found = diagnosed("belt_speed", 0.0)
+    with pytest.raises(InvalidValue, match="gain"):
+        held_out_gain(data, StandIn(), found, QUICK)
+
+
+def test_next_measurements_are_worth_their_cost() -> None:
+    for amplitude in (HIDDEN[1], 0.0):
+        _, found = diagnosed("belt_speed", amplitude)
+        assert found.analysis is not None and found.measured is not None
+        proposals = next_measurements(found.analysis, found.measured)
+        worth = [p.information / p.cost for p in proposals]
+        assert worth == sorted(worth, reverse=True) and len(proposals) <= 5
+        assert all(p.information > 0.0 and p.cost > 0.0 and p.what for p in proposals)
+
+
+def test_thin_data_are_refused_in_words() -> None:
+    two = diagnose(measured({}, replicates=2), StandIn(), QUICK).result
+    assert two.verdict == "refused" and "replicates" in two.sentences[0]
+    data = measured({})
+    one = diagnose(data.restricted(["P0"]), StandIn(), QUICK).result
+    assert one.verdict == "refused" and "one training condition" in one.sentences[-1]
+
+
+def test_a_condition_that_the_model_cannot_represent_is_named() -> None:
+    data = measured({})
+    strange = [dataclasses.replace(c, material="slag") if c.condition == "P2" else c for c in data.conditions]
+    with pytest.raises(BadDataSet, match=r"P2.*slag"):
+        diagnose(DataSet(tuple(strange), data.observations), StandIn(), QUICK)
+
+
+def test_a_plan_says_what_it_could_show() -> None:
+    """The design's own finding: one repose angle names nothing; piles say nothing of the belt, a charge does."""
+    data = measured({})
+    piles = tuple(c for c in data.conditions if c.test == "pile")
+    angle = identifiability(StandIn(), Plan(piles[:1], 4, frozenset(["angle"])), QUICK)
+    assert {o.verdict for o in angle.effects} == {"silent"}
+    plan = identifiability(StandIn(), Plan(piles, 4, None, CHARGES[:1]), QUICK)
+    verdicts = {o.effect: o.verdict for o in plan.effects}
+    assert verdicts["belt_speed"] == "silent" and verdicts["cohesion"] == "nameable"
+    assert "belt_speed" in plan.adds["C0"]
+    for outlook in plan.effects:
+        if outlook.nameable_from is not None:
+            assert outlook.detectable_from is not None and outlook.nameable_from >= outlook.detectable_from
+
+
+def test_a_plan_needs_conditions_and_replicates() -> None:
+    with pytest.raises(InvalidValue):
+        Plan(())
+    with pytest.raises(InvalidValue):
+        Plan(CHARGES, 2)

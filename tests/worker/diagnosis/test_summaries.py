@@ -1,0 +1,82 @@
+"""Summaries of exact shapes: a sum of harmonics gives its coefficients, a cone its slope and toe."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from service.domain.data_set.columns import SECTOR_HEIGHTS, SECTOR_MASSES
+from worker.diagnosis.simulator import Outcomes, Surfaces
+from worker.diagnosis.summaries import LEAST_SECTORS, NAMES, of_surface, summarise
+
+ANGLE = 2.0 * math.pi * np.arange(24) / 24.0
+
+
+def summary(test: str, values: dict[str, float]) -> dict[str, float]:
+    table = summarise(test, Outcomes({name: np.array([v]) for name, v in values.items()}))
+    return dict(zip(NAMES[test], table[0].tolist(), strict=True))
+
+
+def sectors(names: tuple[str, ...], wave: np.ndarray) -> dict[str, float]:  # type: ignore[type-arg]
+    return dict(zip(names, wave.tolist(), strict=True))
+
+
+def test_positive_observables_enter_as_logarithms() -> None:
+    found = summary("pile", {"repose_angle_deg": 36.0, "apex_height_m": 0.5, "heap_offset_x_m": -0.01})
+    assert found["angle"] == 36.0 and found["ln_apex"] == math.log(0.5) and found["offset_x"] == -0.01
+    assert math.isnan(found["ln_mass"]) and math.isnan(found["slope"])
+
+
+@pytest.mark.parametrize("missing", [0, 5, 24 - LEAST_SECTORS])
+def test_harmonics_of_the_heights_are_exact_with_sectors_missing(missing: int) -> None:
+    wave = (
+        0.8 + 0.1 * np.cos(ANGLE) - 0.05 * np.sin(ANGLE) + 0.03 * np.cos(2 * ANGLE) + 0.02 * np.sin(2 * ANGLE)
+    )
+    given = sectors(SECTOR_HEIGHTS, wave)
+    for name in SECTOR_HEIGHTS[1 : 2 * missing + 1 : 2][:missing]:
+        del given[name]
+    found = summary("charge", given)
+    expected = {"h_mean": 0.8, "h_c1": 0.1, "h_s1": -0.05, "h_c2": 0.03, "h_s2": 0.02}
+    assert {k: found[k] for k in expected} == pytest.approx(expected)
+
+
+def test_too_few_sectors_say_nothing() -> None:
+    given = sectors(SECTOR_HEIGHTS, np.ones(24))
+    for name in SECTOR_HEIGHTS[: 25 - LEAST_SECTORS]:
+        del given[name]
+    assert math.isnan(summary("charge", given)["h_mean"])
+
+
+def test_sector_masses_are_shares() -> None:
+    found = summary("charge", sectors(SECTOR_MASSES, 200.0 * (1.0 + 0.3 * np.cos(ANGLE))))
+    assert found["ln_m_mean"] == pytest.approx(math.log(200.0))
+    assert found["m_c1"] == pytest.approx(0.3) and found["m_s1"] == pytest.approx(0.0, abs=1e-12)
+
+
+def cone(slope_deg: float, toe: float, dipole: float = 0.0) -> Surfaces:
+    theta, r = (grid.ravel() for grid in np.meshgrid(np.arange(0.0, 360.0, 15.0), np.linspace(0.02, toe, 25)))
+    height = (toe - r) * math.tan(math.radians(slope_deg)) + dipole * np.cos(np.radians(theta))
+    return Surfaces(theta, r, height[None, :])
+
+
+def test_a_cone_has_its_slope_toe_and_no_curvature() -> None:
+    found = of_surface(cone(35.0, 0.6))
+    assert found["slope"][0] == pytest.approx(35.0, abs=1e-6)
+    assert found["toe"][0] == pytest.approx(0.6, abs=1e-6)
+    assert found["curvature"][0] == pytest.approx(0.0, abs=1e-9)
+    assert found["dipole_c"][0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_tilted_cone_has_a_dipole() -> None:
+    found = of_surface(cone(35.0, 0.6, 0.01))
+    assert found["dipole_c"][0] == pytest.approx(0.01, abs=1e-9)
+    assert found["dipole_s"][0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_surface_without_a_flank_says_nothing() -> None:
+    flat = Surfaces(np.zeros(20), np.linspace(0.0, 1.0, 20), np.full((1, 20), 0.3))
+    assert math.isnan(of_surface(flat)["slope"][0])
+    few = Surfaces(np.zeros(3), np.linspace(0.0, 1.0, 3), np.ones((1, 3)))
+    assert math.isnan(of_surface(few)["toe"][0])

@@ -1,0 +1,129 @@
+"""Fingerprints: what a unit of each effect changes in the cells, from runs, in two stages (rule 5).
+
+Notation (K effect keys, N cells, n seeds)
+    f       (mean with effect - mean without) / amplitude, at fixed parameters        (K, N), unit of the cell
+    v       its sampling variance: C (1/n + 1/n0) / amplitude^2, C of one run          (K, N) on the diagonal
+    t       f / sqrt(v); a cell counts with f max(0, 1 - 2/t^2)
+
+Screening takes few seeds at twice the prior's scale; cells out of scope are zero without a run. The few best are
+refined at their fitted amplitude with more seeds, at the parameters that go with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from worker.diagnosis.library import Effect, Library
+from worker.diagnosis.measured import Frame, NDArrayBool
+from worker.diagnosis.model import Model, physical
+from worker.diagnosis.simulator import FloatArray, Setting, Simulator
+from worker.diagnosis.summaries import summarise
+
+SCREENING_SEEDS = 8
+BASELINE_SEEDS = 24
+REFINED_SEEDS = 24
+_SCREENED_AT = 2.0
+
+
+@dataclass(frozen=True)
+class Fingerprints:
+    """f (K, N) by key, and the weight (K,) of C in their covariance: (1/n + 1/n0) / amplitude^2.
+
+    `active` (K, N): the cells in scope, which alone carry noise.
+    """
+
+    keys: tuple[str, ...]
+    f: FloatArray
+    weight: FloatArray
+    active: NDArrayBool
+
+    def row(self, key: str) -> int:
+        return self.keys.index(key)
+
+    def replaced(self, key: str, f: FloatArray, weight: float) -> Fingerprints:
+        """With one fingerprint refined."""
+        k = self.row(key)
+        F, w = self.f.copy(), self.weight.copy()
+        F[k], w[k] = f, weight
+        return Fingerprints(self.keys, F, w, self.active)
+
+
+def shrink(f: FloatArray, variance: FloatArray) -> FloatArray:
+    """f max(0, 1 - 2/t^2), cell by cell."""
+    square = np.divide(f**2, variance, out=np.full_like(f, np.inf), where=variance > 0.0)
+    factor = np.where(square > 0.0, 1.0 - 2.0 / np.maximum(square, 1e-300), 0.0)
+    return np.asarray(f * np.maximum(factor, 0.0))
+
+
+class Prober:
+    """Runs a simulator at parameters theta and returns means over seeds in the cells of a model's frame."""
+
+    def __init__(self, simulator: Simulator, model: Model, first_seed: int) -> None:
+        self._simulator, self._model, self._seed = simulator, model, first_seed
+
+    def means(
+        self, theta: FloatArray, effects: Mapping[str, float], seeds: int, active: NDArrayBool
+    ) -> FloatArray:
+        """Mean cells (N,) at theta (D,); 0 where not `active` (N,), whose conditions are not run."""
+        frame, model = self._model.frame, self._model
+        found = np.zeros(frame.size)
+        condition, column = np.array(frame.condition), np.array(frame.column)
+        for c in np.unique(condition[active]):
+            here = frame.conditions[c]
+            u = theta[model.slice(model.materials.index(here.material))]
+            point = physical(self._simulator, u[None, :])[0]
+            settings = [Setting(point, tuple(effects.items()), self._seed + k) for k in range(seeds)]
+            cells = np.flatnonzero(condition == c)
+            table = summarise(here.test, self._simulator.run(here, settings))[:, column[cells]]
+            found[cells] = np.mean(table, axis=0)
+        return found
+
+    def fresh(self) -> Prober:
+        """The same with seeds of its own."""
+        return Prober(self._simulator, self._model, self._seed + 1000)
+
+
+def scope_of(effect: Effect, frame: Frame) -> NDArrayBool:
+    """The cells (N,) of conditions that the effect acts on."""
+    acts = np.array([effect.acts_on(c) for c in frame.conditions], dtype=bool)
+    return np.asarray(acts[np.array(frame.condition, dtype=int)], dtype=bool)
+
+
+def screen(known: Library, prober: Prober, model: Model, theta: FloatArray) -> Fingerprints:
+    """All effects at theta (D,), with few seeds."""
+    frame = model.frame
+    everything = np.ones(frame.size, dtype=bool)
+    baseline = prober.fresh().means(theta, {}, BASELINE_SEEDS, everything)
+    variance = np.diag(model.run_covariance)
+    rows, weights, actives = [], [], []
+    for effect in known.effects:
+        active = scope_of(effect, frame)
+        amplitude = min(_SCREENED_AT * effect.scale, effect.highest)
+        weight = (1.0 / SCREENING_SEEDS + 1.0 / BASELINE_SEEDS) / amplitude**2
+        for key in effect.keys:
+            probed = prober.means(theta, {key: amplitude}, SCREENING_SEEDS, active)
+            f = np.where(active, (probed - baseline) / amplitude, 0.0)
+            rows.append(shrink(f, weight * variance))
+            weights.append(weight)
+            actives.append(active)
+    keys = tuple(key for effect in known.effects for key in effect.keys)
+    return Fingerprints(keys, np.array(rows), np.array(weights), np.array(actives))
+
+
+def refine(
+    prints: Fingerprints, prober: Prober, model: Model, theta: FloatArray, fitted: Mapping[str, float]
+) -> Fingerprints:
+    """The fingerprints of `fitted` keys at theta and at their fitted amplitudes, with more seeds."""
+    frame = model.frame
+    baseline = prober.fresh().means(theta, {}, REFINED_SEEDS, np.ones(frame.size, dtype=bool))
+    variance = np.diag(model.run_covariance)
+    for key, amplitude in fitted.items():
+        active = prints.active[prints.row(key)]
+        weight = 2.0 / REFINED_SEEDS / amplitude**2
+        probed = prober.means(theta, {key: amplitude}, REFINED_SEEDS, active)
+        f = np.where(active, (probed - baseline) / amplitude, 0.0)
+        prints = prints.replaced(key, shrink(f, weight * variance), weight)
+    return prints
