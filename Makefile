@@ -3,6 +3,7 @@
 # used and a target starts at once.
 #
 #   make demo [MATERIAL=pellet] [SCALE=1.7] [BUDGET=16] [SEED=1] calibrate a material, live in the terminal
+#   make charge [MATERIAL=coke] [SCALE=4] [SEED=1] [OUT=charge]  charge the hopper through the service, with a report
 #   make serve                                                   start the service and stay
 #   make compare-workers [BUDGET=6]                              two workers of one thread against one of two
 #   make test | slow | lint                                      the tests, the long tests, the linters
@@ -28,9 +29,10 @@ MATERIAL ?= pellet
 SCALE ?=
 BUDGET ?=
 SEED ?=
+OUT ?=
 TESTS ?=
 
-.PHONY: help setup dev demo compare-workers serve test slow lint lock clean
+.PHONY: help setup dev demo charge compare-workers serve test slow lint lock clean
 
 help:
 	@sed -n 's/^#  *make/make/p' Makefile
@@ -48,6 +50,11 @@ dev: $(DEV)
 demo: $(READY)
 	@$(BIN)/talus demo --material "$(MATERIAL)" \
 	  $(if $(SCALE),--scale "$(SCALE)") $(if $(BUDGET),--budget "$(BUDGET)") $(if $(SEED),--seed "$(SEED)")
+
+# coke unless MATERIAL was given: the default above is the demo's.
+charge: $(READY)
+	@$(BIN)/talus charge "$(if $(filter file,$(origin MATERIAL)),coke,$(MATERIAL))" --scale "$(or $(SCALE),4)" \
+	  $(if $(SEED),--seed "$(SEED)") --out "$(or $(OUT),charge)"
 
 compare-workers: $(READY)
 	@$(BIN)/python -m service.client.worker_comparison $(if $(BUDGET),--budget "$(BUDGET)") \

@@ -11,7 +11,19 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from service.api import charges, controls, designs, events, exports, health, jobs, materials, reports, studies
+from service.api import (
+    charge_comparison,
+    charges,
+    controls,
+    designs,
+    events,
+    exports,
+    health,
+    jobs,
+    materials,
+    reports,
+    studies,
+)
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
 from service.dashboard import assets, pages
@@ -20,6 +32,20 @@ from service.logs import configure_logs
 from service.settings import Settings, get_settings
 
 VERSION = exports.TALUS_VERSION
+# In the order in which their routes are tried and documented.
+MODULES = (
+    materials,
+    exports,
+    studies,
+    controls,
+    reports,
+    events,
+    designs,
+    charge_comparison,
+    charges,
+    jobs,
+    health,
+)
 DESCRIPTION = """Calibrates the contact parameters of granular materials: asks a DEM pile test for the repose
 angle of a parameter set, learns, proposes the next one, and ends with a certified optimum.
 
@@ -47,7 +73,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.state.database = database
-    for module in (materials, exports, studies, controls, reports, events, designs, charges, jobs, health):
+    for module in MODULES:
         app.include_router(module.router)
     app.include_router(pages.router)
     app.include_router(assets.router)

@@ -19,6 +19,8 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
+from service.client.charge import COMMANDS as CHARGE_COMMANDS
+from service.client.charge_comparison import compare_command
 from service.client.commands import COMMANDS
 from service.client.rest import Client, RefusedError, ServiceAwayError
 from service.client.tables import noise_lines
@@ -155,7 +157,7 @@ def status(study_id: int | None, only: str | None) -> None:
         click.echo(f"  {name} = {value:g}")
 
 
-for command in COMMANDS:
+for command in (*COMMANDS, *CHARGE_COMMANDS, compare_command):
     cli.add_command(command)
 
 

@@ -106,6 +106,26 @@ class Client:
         study: dict[str, Any] = answer.json()
         return study
 
+    def create_charges(self, body: dict[str, Any]) -> dict[str, Any]:
+        return self._call("POST", "/v1/charges", body)
+
+    def charge(self, charge_id: int) -> dict[str, Any]:
+        return self._call("GET", f"/v1/charges/{charge_id}")
+
+    def charges(self, limit: int = 20) -> list[dict[str, Any]]:
+        items: list[dict[str, Any]] = self._call("GET", f"/v1/charges?limit={limit}")["items"]
+        return items
+
+    def cancel_charge(self, charge_id: int) -> dict[str, Any]:
+        return self._call("POST", f"/v1/charges/{charge_id}/cancel")
+
+    def compare_charges(self, body: dict[str, Any]) -> dict[str, Any]:
+        return self._call("POST", "/v1/charges/comparison", body)
+
+    def artifact(self, artifact_id: int) -> bytes:
+        """A file's bytes."""
+        return self._send("GET", f"/v1/artifacts/{artifact_id}", timeout=FILE_SECONDS).content
+
     def report(self, study_id: int) -> dict[str, Any] | None:
         """What the newest report says and of how many designs; None before there is one."""
         try:
