@@ -15,7 +15,7 @@ from demcore.observables.belt_flow import CELL
 from demcore.observables.wear import CELL as WEAR_CELL
 from demcore.picture import save_png, shades
 from demcore.plant.surfaces import BELT as BELT_WALL
-from demcore.plant.surfaces import DRUM, LID, belt_profile
+from demcore.plant.surfaces import DRUM, LID, SKIRT, belt_profile
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def draw_burden(result: ChargeResult, path: Path) -> None:
         for view, place in ((TOP, (750 * k, 30, 750, 700)), (FRONT, (750 * k, 730, 750, 500))):
             frame = fit_frame(view, place, lower, upper)
             canvas.spheres(frame, position, radius, colours)
-            draw_walls(canvas, frame, plant, (LID, BELT_WALL, DRUM))
+            draw_walls(canvas, frame, plant, (LID, SKIRT, BELT_WALL, DRUM))
             canvas.caption(frame, view.name)
             if view is TOP:
                 for n, pile in enumerate(result.piles):
@@ -188,7 +188,7 @@ def draw_wear(result: ChargeResult, path: Path) -> None:
         for view, corner in ((TOP, (750 * k, 0, 750, 720)), (FRONT, (750 * k, 720, 750, 510))):
             frame = fit_frame(view, corner, lower, upper)
             canvas.spheres(frame, place[there], np.full(int(there.sum()), 0.5 * WEAR_CELL), colours)
-            draw_walls(canvas, frame, plant, (LID, BELT_WALL, DRUM))
+            draw_walls(canvas, frame, plant, (LID, SKIRT, BELT_WALL, DRUM))
             canvas.caption(frame, view.name)
         _legend(canvas, 750 * k + 20, 1240, name, low, high)
     save_png(canvas.image, path)

@@ -45,6 +45,7 @@ from demcore.observables.burden import (
     segregation,
     variation,
 )
+from demcore.observables.pile_slope import pile_slope
 from demcore.observables.wear import WearMap
 from demcore.particles import VX, VZ, Floats, M, R, X, Z
 from demcore.plant.checks import level_of
@@ -155,7 +156,10 @@ class ChargeResult:
             "variation_of_volume": variation(s.volume),
             "variation_of_size": variation(s.size),
             "harmonics": {name: h._asdict() for name, h in self.harmonics().items()},
-            "piles": [p._asdict() for p in self.piles],
+            "piles": [
+                p._asdict() | {"slope": pile_slope(self.surface, p.azimuth_deg, p.radius)._asdict()}
+                for p in self.piles
+            ],
             "depressions": [d._asdict() for d in self.depressions],
             "segregation_intensity": index,
             "segregation_of_a_random_mix": chance,

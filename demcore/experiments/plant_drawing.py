@@ -12,7 +12,7 @@ from demcore.geometry.wall_arrays import wall_arrays
 from demcore.picture import save_png
 from demcore.plant import jet
 from demcore.plant.parts import Plant
-from demcore.plant.surfaces import BELT, DEFLECTOR, DRUM, LID, plant_walls
+from demcore.plant.surfaces import BELT, DEFLECTOR, DRUM, LID, SKIRT, plant_walls
 from demcore.recorder import wall_arrays_of
 
 Floats = NDArray[np.float64]
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 WIDTH, HEIGHT = 1500, 1180
 BLUE: Colour = (40, 110, 190)
 RED: Colour = (200, 60, 50)
-COLOURS: dict[str, Colour] = {DEFLECTOR: RED, BELT: BLUE, DRUM: BLUE, LID: GREY}
+COLOURS: dict[str, Colour] = {DEFLECTOR: RED, BELT: BLUE, DRUM: BLUE, LID: GREY, SKIRT: GREY}
 # Heights above the belt whose jets are drawn, m.
 JET_HEIGHTS = (0.0, 0.1)
 

@@ -218,15 +218,18 @@ class Belt:
 @dataclass(frozen=True)
 class Feeder:
     """Where material comes onto the belt's tail: a level rectangle, `length` along the belt and `width` across,
-    `drop` above the belt at its middle; it comes with the belt's speed and falls with `fall_speed`."""
+    `drop` above the belt at its middle; it comes with the belt's speed and falls with `fall_speed`. Skirtboards
+    stand on both edges of the belt from its tail on, `skirt_length` long and `skirt_height` high."""
 
     length: float
     width: float
     drop: float
     fall_speed: float
+    skirt_length: float
+    skirt_height: float
 
     def __post_init__(self) -> None:
-        _lengths("feeder", self, ("length", "width", "drop"))
+        _lengths("feeder", self, ("length", "width", "drop", "skirt_length", "skirt_height"))
         within("feeder.fall_speed", self.fall_speed, 0.0, 10.0, "m/s")
 
 
@@ -258,6 +261,10 @@ class Plant:
 
     def __post_init__(self) -> None:
         within("plant.head_room", self.head_room, 0.0, 10.0)
+        straight = self.belt.loaded_length - self.belt.transition_length
+        if self.feeder.skirt_length > straight:
+            allowed = f"at most {straight:g} m: there the trough begins to flatten"
+            raise InputError("feeder.skirt_length", self.feeder.skirt_length, allowed)
         names = [r.part for r in self.replacements]
         for name in names:
             if name not in REPLACEABLE or names.count(name) > 1:

@@ -17,13 +17,14 @@ LID_SIDES = 64
 TRANSITION_STATIONS = 8
 # Pieces of the lid narrower than this share of their length are slivers of a cut, m2.
 SMALLEST_PIECE = 1e-9
-HOPPER, CONE, BELL, ROD, LID, DEFLECTOR, BELT, DRUM = (
+HOPPER, CONE, BELL, ROD, LID, DEFLECTOR, SKIRT, BELT, DRUM = (
     "hopper",
     "hopper cone",
     "bell",
     "rod",
     "lid",
     "deflector",
+    "skirt",
     "belt",
     "drum",
 )
@@ -39,6 +40,7 @@ def plant_walls(plant: Plant) -> tuple[Wall, ...]:
         ROD: (_rod(plant),),
         LID: (Wall("mesh", mesh=lid_mesh(plant), name=LID),),
         DEFLECTOR: (Wall("mesh", mesh=deflector_mesh(plant.deflector), name=DEFLECTOR),),
+        SKIRT: (Wall("mesh", mesh=skirt_mesh(plant), name=SKIRT),),
         BELT: (Wall("mesh", mesh=belt_mesh(belt), surface_velocity=running, name=BELT),),  # type: ignore[arg-type]
     }
     for replacement in plant.replacements:
@@ -119,6 +121,20 @@ def belt_mesh(belt: Belt) -> TriangleMesh:
             a, b = 4 * k + strip, 4 * k + strip + 1
             faces += [[a, b, a + 4], [b, b + 4, a + 4]]
     return TriangleMesh(np.concatenate(points), np.array(faces))
+
+
+def skirt_mesh(plant: Plant) -> TriangleMesh:
+    """Two boards at right angles to the belt's middle, on its edges, along the loading point."""
+    belt, f = plant.belt, plant.feeder
+    foot = belt_profile(belt, belt.loaded_length)[[0, 3]]
+    head = foot + np.array([0.0, f.skirt_height])
+    tail, end = belt.loaded_length, belt.loaded_length - f.skirt_length
+    # Rows: foot and head of the first board at the tail, then at its end; then the second board's.
+    boards = [
+        np.concatenate([_section(belt, s, np.array([foot[k], head[k]])) for s in (tail, end)]) for k in (0, 1)
+    ]
+    faces = np.array([[0, 1, 3], [0, 3, 2]])
+    return TriangleMesh(np.concatenate(boards), np.concatenate([faces, faces + 4]))
 
 
 def _section(belt: Belt, upstream: float, profile: Floats) -> Floats:

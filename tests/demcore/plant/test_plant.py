@@ -32,6 +32,7 @@ from demcore.plant.surfaces import (
     lid_mesh,
     outside_rectangle,
     plant_walls,
+    skirt_mesh,
 )
 
 PLANT = load_plant()
@@ -172,6 +173,7 @@ def test_parts_that_do_not_fit_are_refused(part, change, said):
         ("lid", {"inner_radius": 2.0}, "lid.inner_radius"),
         ("deflector", {"far_pitch_deg": 95.0}, "deflector.far_pitch_deg"),
         ("feeder", {"fall_speed": -1.0}, "feeder.fall_speed"),
+        ("feeder", {"skirt_length": 3.0}, "feeder.skirt_length: got 3.0, allowed is at most 2.8 m"),
     ],
 )
 def test_a_part_refuses_what_cannot_be(part, change, said):
@@ -275,9 +277,33 @@ def test_the_belt_is_troughed_and_flattens_out_to_the_drum():
     assert np.ptp(mesh.vertices @ np.array(belt.running)) == pytest.approx(belt.loaded_length)
 
 
+def test_the_skirtboards_stand_on_the_belts_edges():
+    mesh, belt = skirt_mesh(PLANT), PLANT.belt
+    areas = 2.0 * PLANT.feeder.skirt_length * PLANT.feeder.skirt_height
+    corners = mesh.corners()
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert 0.5 * np.sqrt((cross**2).sum(axis=1)).sum() == pytest.approx(areas)
+    edge = belt_profile(belt, belt.loaded_length)[3]
+    offset = mesh.vertices - np.array(belt.tangent_point)
+    assert np.abs(offset[:, 1]) == pytest.approx(edge[0])
+    above = offset @ np.array(belt.normal)
+    assert above.min() == pytest.approx(edge[1])
+    assert above.max() == pytest.approx(edge[1] + 0.5)
+
+
 def test_belt_and_drum_run_alike_and_nothing_else_moves():
     walls = {wall.name: wall for wall in plant_walls(PLANT)}
-    assert list(walls) == ["hopper", "hopper cone", "bell", "rod", "lid", "deflector", "belt", "drum"]
+    assert list(walls) == [
+        "hopper",
+        "hopper cone",
+        "bell",
+        "rod",
+        "lid",
+        "deflector",
+        "skirt",
+        "belt",
+        "drum",
+    ]
     assert math.hypot(*walls["belt"].surface_velocity) == pytest.approx(1.79)
     assert walls["drum"].angular_velocity[1] * walls["drum"].radius == pytest.approx(1.79)
     still = [w for name, w in walls.items() if name not in ("belt", "drum")]
