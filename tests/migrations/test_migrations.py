@@ -12,7 +12,7 @@ from alembic.runtime.migration import MigrationContext
 from sqlalchemy import MetaData, inspect, select, text
 
 from service.db import migrate, read_models
-from service.db.models import Base, DesignRow, JobRow, StudyRow
+from service.db.models import ArtifactRow, Base, ChargeRow, DesignRow, JobRow, RunRow, StudyRow
 from service.db.session import Database
 from service.domain.states import JobKind, JobState, StudyState
 from service.studies.read_history import read_history
@@ -155,10 +155,20 @@ def test_down_to_0001_and_up_again_gives_the_same(empty_url: str) -> None:
         again = DesignRow(number=99, supersedes=3, **{name: getattr(third, name) for name in names})
         session.add(again)
         session.add(JobRow(id="r", kind=JobKind.REPORT, study_id=1, state=JobState.DONE, max_attempts=3))
+        charge = ChargeRow(series=1, charge="coke", scale=8.0, seed=1, spec={}, cost={})
+        session.add(charge)
+        session.flush()
+        session.add(JobRow(id="c", kind=JobKind.CHARGE, charge_id=charge.id, max_attempts=3))
+        session.flush()
+        session.add(RunRow(job_id="c", attempt=1, worker_id="w"))
+        names = ("kind", "file_name", "media_type", "sha256", "path")
+        session.add(ArtifactRow(charge_id=charge.id, size_bytes=1, **dict.fromkeys(names, "report")))
     migrate.downgrade(empty_url, "0001")
     with database.writing() as session:
         assert session.scalar(text("select state from studies where id = 2")) == "running"
-        assert session.scalar(text("select count(*) from jobs where kind = 'report'")) == 0
+        assert session.scalar(text("select count(*) from jobs where kind in ('report', 'charge')")) == 0
+        assert session.scalar(text("select count(*) from runs where job_id = 'c'")) == 0
+        assert session.scalar(text("select count(*) from artifacts")) == 0
         found = session.execute(
             text(
                 "select number, state, training_hash, hyperparameters from designs where study_id = 1 order by id"
