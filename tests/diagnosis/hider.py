@@ -104,11 +104,11 @@ def draw(number: int, kind: str, snr: float, design: Design, stream: np.random.G
 
 
 def draw_design(stream: np.random.Generator, replicates: int | None = None) -> Design:
-    """Nine piles and three charges to train on, two and one held out; moisture follows mass in one of five."""
+    """Nine piles and three charges to train on, three and two held out; moisture follows mass in one of five."""
     covarying = stream.random() < 0.2
     materials = ("coke", str(stream.choice(["sinter", "pellet"])))
     piles = []
-    for k in range(11):
+    for k in range(12):
         mass = float(np.round(np.exp(stream.uniform(np.log(60.0), np.log(900.0))), 1))
         moisture = float(np.round(max(0.0, 2.5 * np.log(mass / 120.0)), 1))
         if not covarying:
@@ -139,9 +139,9 @@ def draw_design(stream: np.random.Generator, replicates: int | None = None) -> D
             belt_speed_m_s=float(np.round(stream.uniform(1.5, 2.2), 2)),
             deflector_ridge_across_m=float(np.round(stream.uniform(-0.25, -0.11), 3)),
             drop_height_m=float(stream.choice([0.0, 0.5, 1.0])),
-            holdout=k == 3,
+            holdout=k >= 3,
         )
-        for k in range(4)
+        for k in range(5)
     ]
     n = int(stream.integers(4, 6)) if replicates is None else replicates
     return Design((*piles, *charges), n, int(stream.integers(2**31)))

@@ -17,7 +17,8 @@ from service.domain.data_set.records import Condition, DataSet
 from service.domain.data_set.suitability import suitability
 from worker.diagnosis.analysis import Analysis, Setup, analyse, expected_theta
 from worker.diagnosis.calibration import calibrate, linearise
-from worker.diagnosis.fingerprints import Prober, refine, screen
+from worker.diagnosis.cost import Counted
+from worker.diagnosis.fingerprints import MOST_REFINED, Prober, refine, screen
 from worker.diagnosis.floor import NO_FLOOR, Floor, Misfits
 from worker.diagnosis.library import Library, library
 from worker.diagnosis.limits import Power, power
@@ -54,7 +55,6 @@ from worker.diagnosis.verdict import (
 from worker.optimizer.design import sobol
 
 LEAST_COVERAGE = 0.8
-_REFINED = 5
 _NORMAL_95 = 1.6449
 _REMAINDER_QUANTILE = 0.99
 _STREAM_WAVE = 900
@@ -115,7 +115,7 @@ def diagnose(
     if judged.usable is None:
         return Diagnosis(_refused(simulator, judged.sentences))
     training = judged.usable.training
-    tables = replicate_tables(training)
+    tables, simulator = replicate_tables(training), Counted(simulator)
     measured = measure(training.conditions, tables, stated_sd(training), options.pooled)
     baseline = build_baseline(simulator, measured, options)
     if baseline.model.coverage < LEAST_COVERAGE:
@@ -141,6 +141,7 @@ def diagnose(
         "indistinguishable": strength.indistinguishable,
         "limits": strength.limits,
         "p_value": p_value,
+        "cost": {"runs": simulator.runs},
         "sentences": judged.sentences,
     }
     return Diagnosis(Result(**result, **facts), baseline.measured, final_setup, final, strength)  # type: ignore[arg-type]
@@ -219,7 +220,7 @@ def _refined(setup: Setup, screened: Analysis, prober: Prober, baseline: Baselin
     ranking = screened.ranking
     theta = expected_theta(screened)
     fitted: dict[str, float] = {}
-    for k in np.argsort(-ranking.inclusion)[:_REFINED]:
+    for k in np.argsort(-ranking.inclusion)[:MOST_REFINED]:
         effect = setup.known.effects[k]
         size = min(max(float(ranking.amplitude[k]), 0.5 * effect.scale), effect.highest)
         along = ranking.directions.along[ranking.best[k]]

@@ -25,6 +25,7 @@ from worker.diagnosis.summaries import summarise
 SCREENING_SEEDS = 8
 BASELINE_SEEDS = 24
 REFINED_SEEDS = 24
+MOST_REFINED = 5
 _SCREENED_AT = 2.0
 
 

@@ -46,7 +46,7 @@ class _Held(NamedTuple):
     fixed: FloatArray
 
 
-class _Fit(NamedTuple):
+class Fit(NamedTuple):
     """Of the training cells: theta (D,), amplitudes (k,), their covariance Q, and the slopes F (N, k)."""
 
     theta: FloatArray
@@ -63,8 +63,8 @@ def held_out_gain(data: DataSet, simulator: Simulator, found: Diagnosis, options
     if not found.result.claims or found.setup is None or found.analysis is None:
         raise InvalidValue("gain", found.result.verdict, "asked of a diagnosis that names an effect")
     held = _held_out(data, simulator, found, options)
-    rows = [int(found.analysis.ranking.best[k]) for k in _named(found)]
-    base, extended = _fit(found, ()), _fit(found, tuple(rows))
+    rows = named_directions(found)
+    base, extended = fit_linear(found, ()), fit_linear(found, tuple(rows))
     F = _fingerprints(simulator, found, held, extended, rows)
     before = _predict(held, base, np.zeros((len(F), 0)))
     after = _predict(held, extended, F)
@@ -79,9 +79,13 @@ def with_gain(result: Result, gain: Gain) -> Result:
     return Result(**{**result.__dict__, "claims": claims, "gain": gain})
 
 
-def _named(found: Diagnosis) -> list[int]:
-    known = [effect.id for effect in found.analysis.ranking.known.effects] if found.analysis else []
-    return [known.index(claim.effect) for claim in found.result.claims]
+def named_directions(found: Diagnosis) -> list[int]:
+    """Rows of the directions (ranking.py) of the effects that are named."""
+    if found.analysis is None:
+        return []
+    ranking = found.analysis.ranking
+    known = [effect.id for effect in ranking.known.effects]
+    return [int(ranking.best[known.index(claim.effect)]) for claim in found.result.claims]
 
 
 def _held_out(data: DataSet, simulator: Simulator, found: Diagnosis, options: Options) -> _Held:
@@ -106,7 +110,7 @@ def _held_out(data: DataSet, simulator: Simulator, found: Diagnosis, options: Op
     return _Held(measured, model, measured.S + options.floor.covariance(frame))
 
 
-def _fit(found: Diagnosis, rows: tuple[int, ...]) -> _Fit:
+def fit_linear(found: Diagnosis, rows: tuple[int, ...]) -> Fit:
     """Posterior of theta and of the amplitudes of directions `rows`, linear about the problem's theta."""
     analysis = found.analysis
     assert analysis is not None
@@ -125,11 +129,11 @@ def _fit(found: Diagnosis, rows: tuple[int, ...]) -> _Fit:
     solution = gain_matrix @ problem.r
     split = problem.J.shape[1]
     theta = np.clip(0.5 + solution[:split], 0.0, 1.0)
-    return _Fit(theta, np.maximum(solution[split:], 0.0), Q, gain_matrix)
+    return Fit(theta, np.maximum(solution[split:], 0.0), Q, gain_matrix)
 
 
 def _fingerprints(
-    simulator: Simulator, found: Diagnosis, held: _Held, fit: _Fit, rows: list[int]
+    simulator: Simulator, found: Diagnosis, held: _Held, fit: Fit, rows: list[int]
 ) -> FloatArray:
     """Of the directions `rows` in the held-out cells (H, k), with the seeds of a refined one."""
     analysis = found.analysis
@@ -149,7 +153,7 @@ def _fingerprints(
     return np.array(columns).T
 
 
-def _predict(held: _Held, fit: _Fit, F: FloatArray) -> _Prediction:
+def _predict(held: _Held, fit: Fit, F: FloatArray) -> _Prediction:
     m, J = held.model.tangent(fit.theta)
     design = np.hstack([J, F])
     covariance = held.fixed + held.model.error(fit.theta) + design @ fit.Q @ design.T
@@ -176,7 +180,7 @@ def _log_density(y: FloatArray, prediction: _Prediction, cells: FloatArray) -> f
 
 
 def _null_95(
-    found: Diagnosis, held: _Held, base: _Fit, extended: _Fit, F: FloatArray, rows: list[int]
+    found: Diagnosis, held: _Held, base: Fit, extended: Fit, F: FloatArray, rows: list[int]
 ) -> float:
     """The 95 % quantile of the gain when nothing is hidden: training and held-out cells drawn from the linear
     model without effect, both models fitted to them."""

@@ -26,8 +26,8 @@ from worker.diagnosis.simulator import FloatArray, Setting, Simulator
 from worker.diagnosis.summaries import summarise
 
 LEAST_PLANTS = 100
-_POINTS = 8
-_BANK = 12
+POINTS = 8
+BANK = 12
 # Small against a step of p, large against rounding.
 _TIE, _FARTHEST = 1e-9, 1e5
 
@@ -130,7 +130,7 @@ def aligned(measured: Measured, frame: Frame) -> Measured:
 
 def _posterior_points(found: Analysis, stream: np.random.Generator) -> FloatArray:
     root = _root(found.problem.posterior)
-    normal = stream.standard_normal((_POINTS, len(root)))
+    normal = stream.standard_normal((POINTS, len(root)))
     return np.clip(found.problem.theta + normal @ root.T, 0.0, 1.0)
 
 
@@ -145,7 +145,7 @@ def _bank(simulator: Simulator, model: Model, theta: FloatArray, first_seed: int
     for c in model.frame.conditions:
         u = theta[model.slice(model.materials.index(c.material))]
         point = physical(simulator, u[None, :])[0]
-        settings = [Setting(point, (), first_seed + k) for k in range(_BANK)]
+        settings = [Setting(point, (), first_seed + k) for k in range(BANK)]
         found[c.condition] = summarise(c.test, simulator.run(c, settings))
     return found
 

@@ -2,7 +2,7 @@
 
 p > .05 of min-p, or "no effect" the likeliest     no_misfit
 inclusion >= .95 at every prior scale, p of the
-library's evidence at most .01                     named; with what is left beyond the null's 99 %: with_remainder
+library's evidence at most .02                     named; with what is left beyond the null's 99 %: with_remainder
 the library likelier than the unexplained family,
 and few effects hold .95 of it                     ambiguous
 else                                               unexplained, with the blocks where
@@ -22,7 +22,7 @@ from worker.diagnosis.result import CLAIM_FROM, Possible, Where
 from worker.diagnosis.simulator import FloatArray
 
 FLAGGED_AT = 0.05
-NAMED_AT = 0.01
+NAMED_AT = 0.02
 TAU_FACTORS = (0.5, 1.0, 2.0)
 MOST_AMBIGUOUS = 5
 _POSSIBLE_FROM = 0.02

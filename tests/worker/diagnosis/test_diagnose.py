@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
 from service.domain.data_set.cells import BadDataSet
-from service.domain.data_set.records import DataSet
+from service.domain.data_set.records import Condition, DataSet
 from service.domain.errors import InvalidValue
 from tests.worker.diagnosis.plants import CHARGES, QUICK, diagnosed, measured
+from worker.diagnosis.cost import estimated_runs
 from worker.diagnosis.diagnose import diagnose
 from worker.diagnosis.gain import held_out_gain, with_gain
 from worker.diagnosis.identifiability import Plan, identifiability
+from worker.diagnosis.library import library
 from worker.diagnosis.next_measurement import next_measurements
+from worker.diagnosis.self_tests import run_self_tests
+from worker.diagnosis.simulator import Outcomes, Setting
 from worker.diagnosis.stand_in import StandIn
 
 HIDDEN = ("belt_speed", -0.08)
@@ -135,3 +140,38 @@ def test_a_plan_needs_conditions_and_replicates() -> None:
         Plan(())
     with pytest.raises(InvalidValue):
         Plan(CHARGES, 2)
+
+
+def test_the_cost_was_estimated_and_is_counted() -> None:
+    data, found = diagnosed(*HIDDEN)
+    estimate = estimated_runs(data.conditions, QUICK.known, QUICK.first_wave, QUICK.second_wave)
+    assert estimate["emulator"] == 8 * (48 + 40)
+    runs = found.result.as_dict()["cost"]["runs"]
+    assert sum(estimate.values()) - estimate["refinement"] < runs <= sum(estimate.values())
+
+
+class Stepping(StandIn):
+    """The stand-in with too large a time step: a smaller one raises every angle by `shift` degrees."""
+
+    def __init__(self, shift: float) -> None:
+        super().__init__()
+        self._shift = shift
+
+    def run(self, condition: Condition, settings: Sequence[Setting]) -> Outcomes:
+        values = dict(super().run(condition, settings).values)
+        moved = np.array([dict(s.effects).get("self_time_step", 0.0) for s in settings]) * self._shift
+        if "repose_angle_deg" in values:
+            values["repose_angle_deg"] = values["repose_angle_deg"] + moved
+        return Outcomes(values)
+
+
+@pytest.mark.parametrize(("shift", "passes"), [(0.0, True), (4.0, False)])
+def test_the_simulations_own_errors_come_first(shift: float, passes: bool) -> None:
+    _, found = diagnosed(*HIDDEN)
+    assert found.setup is not None and found.measured is not None and found.analysis is not None
+    model, theta = found.setup.model, found.analysis.problem.theta
+    outcomes = run_self_tests(Stepping(shift), library(), model, found.measured, theta, 5)
+    by_id = {o.id: o for o in outcomes}
+    assert by_id["self_time_step"].passed is passes
+    assert passes or by_id["self_time_step"].cell.endswith("angle")
+    assert len(outcomes) == 4
