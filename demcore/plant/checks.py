@@ -68,7 +68,7 @@ def check_plant(plant: Plant) -> None:
         _check_hatch(plant)
         _check_jet(plant)
     if plant.replacement("deflector") is None and plant.replacement("hopper") is None:
-        _check_deflector(plant)
+        check_deflector(plant)
 
 
 def _check_hatch(plant: Plant) -> None:
@@ -104,7 +104,7 @@ def _check_drum(plant: Plant) -> None:
         raise InputError("belt.drum_height", plant.belt.drum_height, allowed)
 
 
-def _check_deflector(plant: Plant) -> None:
+def check_deflector(plant: Plant) -> None:
     """Its corners lie inside the hopper: below the lid, above the floor, within the wall, clear of the rod."""
     for x, y, z in deflector_mesh(plant.deflector).vertices:
         radius, told = math.hypot(x, y), f"the corner at x {x:.3f} m, y {y:.3f} m, z {z:.3f} m"

@@ -1,0 +1,137 @@
+"""A study of deflectors: designs are charged with every material, one after the other, and written down at once.
+
+The record is a file of JSON lines, one a charge, in the order of the work. A study that was stopped goes on after
+its last line: what comes next depends on the lines alone.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from demcore.errors import InputError
+from worker.deflector.designs import Space, first_designs
+from worker.deflector.pareto import pareto_set
+from worker.deflector.proposal import propose
+from worker.optimizer.design import FloatArray
+
+OBJECTIVES = ("variation_of_mass", "variation_of_size")
+# Tells what a charge of this material over this device gives: summary by name. Arguments: u, material, seed.
+Evaluate = Callable[[tuple[float, ...], str, int], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """How many designs, the first `initial` of them spread over the box; the present device comes before all.
+    Every charge has the same `seed`: designs are compared under the same grains."""
+
+    designs: int = 20
+    initial: int = 12
+    materials: tuple[str, ...] = ("coke", "iron")
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not 3 <= self.initial <= self.designs <= 1000:
+            raise InputError(
+                "designs", [self.initial, self.designs], "3 or more at first, 1000 at most in all"
+            )
+        if not self.materials:
+            raise InputError("materials", [], "at least one")
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A device with its objectives: means over the materials, apart in `by_material`. nan: a charge failed."""
+
+    u: tuple[float, ...]
+    objectives: tuple[float, ...]
+    by_material: Mapping[str, Mapping[str, float]]
+
+    @property
+    def has_result(self) -> bool:
+        return all(math.isfinite(v) for v in self.objectives)
+
+
+def read_record(path: Path) -> list[dict[str, Any]]:
+    """The lines of a record; a last one that was cut off by a kill is dropped, from the file too."""
+    if not path.exists():
+        return []
+    text = path.read_text(encoding="utf-8")
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        path.write_text(whole, encoding="utf-8")
+    return [json.loads(line) for line in whole.splitlines()]
+
+
+def tried(rows: Sequence[Mapping[str, Any]], materials: Sequence[str]) -> list[Tried]:
+    """The designs of a record that were charged with all materials, in order."""
+    by_number: dict[int, dict[str, Mapping[str, Any]]] = {}
+    for row in rows:
+        by_number.setdefault(row["number"], {})[row["material"]] = row
+    found = []
+    for charges in by_number.values():
+        if set(charges) >= set(materials):
+            values = {m: {name: charges[m][name] for name in OBJECTIVES} for m in materials}
+            means = tuple(
+                float(np.mean([_number(values[m][name]) for m in materials])) for name in OBJECTIVES
+            )
+            found.append(Tried(tuple(charges[materials[0]]["u"]), means, values))
+    return found
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def run_study(
+    space: Space,
+    plan: StudyPlan,
+    evaluate: Evaluate,
+    record: Path,
+    tell: Callable[[str], None] = lambda _: None,
+) -> list[Tried]:
+    """Try designs until the plan is done; number 0 is the present device."""
+    rows = read_record(record)
+    initial = [space.unit_of(space.plant.deflector), *first_designs(space, plan.seed, plan.initial)]
+    for number in range(plan.designs + 1):
+        u = initial[number] if number < len(initial) else _next(space, rows, plan, number)
+        for material in plan.materials:
+            if any(row["number"] == number and row["material"] == material for row in rows):
+                continue
+            summary = evaluate(u, material, plan.seed)
+            values = {name: _plain(summary.get(name)) for name in OBJECTIVES}
+            row = {"number": number, "material": material, "u": list(u), **values}
+            with record.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+            rows.append(row)
+            tell(f"design {number}, {material}: " + ", ".join(f"{k} {v}" for k, v in values.items()))
+    return tried(rows, plan.materials)
+
+
+def _plain(value: Any) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def _next(space: Space, rows: Sequence[Mapping[str, Any]], plan: StudyPlan, number: int) -> tuple[float, ...]:
+    done = [t for t in tried(rows, plan.materials)[:number] if t.has_result]
+    if len(done) < 2:
+        raise InputError("designs", len(done), "at least two whose charges came to an end")
+    u, f = arrays_of(done)
+    return propose(space, u, f, plan.seed, number)
+
+
+def arrays_of(designs: Sequence[Tried]) -> tuple[FloatArray, FloatArray]:
+    """u (N, V) and objectives (N, M)."""
+    return np.array([t.u for t in designs]), np.array([t.objectives for t in designs])
+
+
+def front_of(designs: Sequence[Tried]) -> list[int]:
+    """The Pareto set among those with results, as positions in `designs`."""
+    there = [k for k, t in enumerate(designs) if t.has_result]
+    return [there[k] for k in pareto_set(arrays_of([designs[k] for k in there])[1])] if there else []
