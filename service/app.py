@@ -16,6 +16,7 @@ from service.api import (
     charges,
     controls,
     designs,
+    diagnoses,
     events,
     exports,
     health,
@@ -43,6 +44,7 @@ MODULES = (
     designs,
     charge_comparison,
     charges,
+    diagnoses,
     jobs,
     health,
 )
@@ -78,7 +80,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(pages.router)
     app.include_router(assets.router)
     install_handlers(app)
-    by_path = {exports.IMPORT_PATH: settings.max_import_bytes}
+    large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH)
+    by_path = dict.fromkeys(large, settings.max_import_bytes)
     app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes, by_path=by_path)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     return app

@@ -81,6 +81,32 @@ def calibrate(file: Path, out: Path | None) -> None:
 
 
 @cli.command()
+@click.argument("dataset", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="the published form and nothing else")
+@click.option("--grains", type=int, help="about which a simulated pile is made of")
+@click.option("--contact-model", help="paper or hertz_mindlin")
+@click.option("--first-wave", type=int, help="runs of each condition over the whole box")
+@click.option("--second-wave", type=int, help="and about the re-calibrated parameters")
+@click.option("--plants", type=int, help="effect-free pseudo-plants, at least 100")
+@click.option("--seed", type=int, help="the same seed gives the same diagnosis")
+def diagnose(dataset: Path, as_json: bool, **options: object) -> None:
+    """Find what the simulation gets wrong of the measured tables in the folder DATASET, and name the cause.
+
+    DATASET holds conditions.csv, observations.csv and, where there are, profiles.csv.
+    """
+    from service.client import diagnose as diagnosis
+
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        tables = diagnosis.read_tables(dataset)
+    except diagnosis.NotADataSetError as error:
+        raise click.BadParameter(str(error), param_hint="DATASET") from error
+    chosen = {name: value for name, value in options.items() if value is not None}
+    name = dataset.resolve().name[:100]
+    sys.exit(diagnosis.diagnose(get_settings(), name, tables, chosen, as_json, Console()))
+
+
+@cli.command()
 def migrate() -> None:
     """Bring the database to the newest schema."""
     from service.db.migrate import upgrade

@@ -23,6 +23,7 @@ TASK_NAMES = {
     JobKind.RECOMMEND: "talus.recommend",
     JobKind.REPORT: "talus.report",
     JobKind.CHARGE: "talus.charge",
+    JobKind.DIAGNOSE: "talus.diagnose",
 }
 
 # A broker that does not answer within this long counts as away.

@@ -18,16 +18,17 @@ from service.db import queries
 from service.domain.outcome import FailureClass
 from service.domain.states import JobKind
 from service.queue import TASK_NAMES
-from service.studies.claim_job import ChargeClaim, Claim, claim_job
+from service.studies.claim_job import AnyClaim, ChargeClaim, Claim, DiagnosisClaim, claim_job
 from service.studies.give_back_job import Return, give_back_job
 from service.studies.record_cancellation import record_cancellation
 from service.studies.record_charge import record_charge
+from service.studies.record_diagnosis import record_diagnosis
 from service.studies.record_failure import record_failure
 from service.studies.record_measurement import record_measurement
 from service.studies.record_proposal import record_proposal
 from service.studies.record_recommendation import record_recommendation
 from service.studies.record_report import record_report
-from worker import charge, evaluate, installation, optimize, process
+from worker import charge, diagnose, evaluate, installation, optimize, process
 from worker.app import app
 from worker.process import Attempt, StopReason
 from worker.recovery import classify, persist, retry_of
@@ -64,7 +65,7 @@ def perform(job_id: str) -> None:
         evaluate.forget_checkpoint(job_id, installation.settings())
 
 
-def record(claim: Claim | ChargeClaim, write: Write) -> None:
+def record(claim: AnyClaim, write: Write) -> None:
     """Write the result. One that the database refuses (not: cannot take now) fails the job.
 
     psycopg raises ValueError and TypeError itself for what is no JSON, the other driver through SQLAlchemy.
@@ -80,10 +81,12 @@ def record(claim: Claim | ChargeClaim, write: Write) -> None:
     log.info("recorded" if recorded else "discarded: the lease was lost", kind=claim.kind.value)
 
 
-def work(claim: Claim | ChargeClaim, attempt: Attempt, watch: Stopwatch) -> Write:
+def work(claim: AnyClaim, attempt: Attempt, watch: Stopwatch) -> Write:
     """Do what the job's row says."""
     if isinstance(claim, ChargeClaim):
         return simulate_charge(claim, attempt, watch)
+    if isinstance(claim, DiagnosisClaim):
+        return diagnose_data(claim, attempt, watch)
     return WORK[claim.kind](claim, attempt, watch)
 
 
@@ -92,6 +95,12 @@ def simulate_charge(claim: ChargeClaim, attempt: Attempt, watch: Stopwatch) -> W
     measurement = charge.evaluate_charge(claim, attempt.report, installation.settings())
     cost = watch.cost(measurement.results)
     return partial(record_charge, lease=claim.lease, measurement=measurement, cost=cost)
+
+
+def diagnose_data(claim: DiagnosisClaim, attempt: Attempt, watch: Stopwatch) -> Write:
+    """One diagnosis of a data set."""
+    outcome = diagnose.evaluate_diagnosis(claim, attempt.report, installation.database())
+    return partial(record_diagnosis, lease=claim.lease, outcome=outcome, cost=watch.cost())
 
 
 def simulate(claim: Claim, attempt: Attempt, watch: Stopwatch) -> Write:
@@ -133,9 +142,7 @@ WORK: dict[JobKind, Callable[[Claim, Attempt, Stopwatch], Write]] = {
 }
 
 
-def after_failure(
-    error: Exception, claim: Claim | ChargeClaim, attempt: Attempt, watch: Stopwatch
-) -> Write | None:
+def after_failure(error: Exception, claim: AnyClaim, attempt: Attempt, watch: Stopwatch) -> Write | None:
     """What to write when the work raised; None: nothing, the job is somebody else's."""
     reason, lease, cost = attempt.stop, claim.lease, watch.cost()
     if reason is StopReason.FENCED:

@@ -10,6 +10,17 @@ import sqlalchemy as sa
 from alembic import op
 
 from migrations.tables_0001 import ID, JSON, jobs_table, one_of
+from migrations.tables_0003 import (
+    OF_CHARGE,
+    OPEN,
+    OWNER,
+    OWNER_OF_FILE,
+    artifacts_table_0001,
+    artifacts_table_0003,
+    check_foreign_keys,
+    create_open,
+    jobs_table_0003,
+)
 
 revision = "0003"
 down_revision = "0002"
@@ -19,18 +30,6 @@ depends_on = None
 JOB_KINDS = ("propose", "simulate", "recommend", "report")
 JOB_KINDS_NOW = (*JOB_KINDS, "charge")
 STATES = ("WAITING", "RUNNING", "COMPLETE", "FAILED", "CANCELLED")
-# Indexes with a condition, which SQLite does not take along when it makes the table anew.
-OPEN = {
-    "uq_jobs_open_design": ("design_id", "state in ('queued', 'running')"),
-    "uq_jobs_open_study": (
-        "study_id",
-        "kind in ('propose', 'recommend') and state in ('queued', 'running')",
-    ),
-    "uq_jobs_open_report": ("study_id", "kind = 'report' and state in ('queued', 'running')"),
-}
-OF_CHARGE = "(kind = 'charge') = (charge_id is not null)"
-OWNER = "(study_id is null) = (charge_id is not null)"
-OWNER_OF_FILE = "(design_id is null) = (charge_id is not null)"
 
 
 def upgrade() -> None:
@@ -47,9 +46,9 @@ def upgrade() -> None:
             op.f("fk_jobs_charge_id_charges"), "charges", ["charge_id"], ["id"], ondelete="CASCADE"
         )
     op.create_index("uq_jobs_charge_id", "jobs", ["charge_id"], unique=True)
-    _create_open()
+    create_open()
     with op.batch_alter_table(
-        "artifacts", copy_from=_artifacts_table(), table_kwargs={"sqlite_autoincrement": True}
+        "artifacts", copy_from=artifacts_table_0001(), table_kwargs={"sqlite_autoincrement": True}
     ) as artifacts:
         artifacts.add_column(sa.Column("charge_id", ID, nullable=True))
         artifacts.alter_column("design_id", existing_type=ID, nullable=True)
@@ -58,7 +57,7 @@ def upgrade() -> None:
         artifacts.create_foreign_key(
             op.f("fk_artifacts_charge_id_charges"), "charges", ["charge_id"], ["id"], ondelete="CASCADE"
         )
-    _check_foreign_keys()
+    check_foreign_keys()
 
 
 def downgrade() -> None:
@@ -67,7 +66,7 @@ def downgrade() -> None:
     op.execute("delete from artifacts where charge_id is not null")
     with op.batch_alter_table(
         "artifacts",
-        copy_from=_artifacts_table(with_charges=True),
+        copy_from=artifacts_table_0003(),
         table_kwargs={"sqlite_autoincrement": True},
     ) as artifacts:
         artifacts.drop_constraint(op.f("fk_artifacts_charge_id_charges"), type_="foreignkey")
@@ -77,17 +76,17 @@ def downgrade() -> None:
         artifacts.drop_column("charge_id")
     _drop_open()
     op.drop_index("uq_jobs_charge_id", table_name="jobs")
-    with op.batch_alter_table("jobs", copy_from=_jobs_table_now()) as jobs:
+    with op.batch_alter_table("jobs", copy_from=jobs_table_0003()) as jobs:
         jobs.drop_constraint(op.f("fk_jobs_charge_id_charges"), type_="foreignkey")
         for name in ("owner", "charge", "kind"):
             jobs.drop_constraint(op.f(f"ck_jobs_{name}"), type_="check")
         jobs.create_check_constraint(op.f("ck_jobs_kind"), one_of("kind", JOB_KINDS))
         jobs.alter_column("study_id", existing_type=ID, nullable=False)
         jobs.drop_column("charge_id")
-    _create_open()
+    create_open()
     op.drop_table("geometries")
     op.drop_table("charges")
-    _check_foreign_keys()
+    check_foreign_keys()
 
 
 def _create_tables() -> None:
@@ -135,65 +134,3 @@ def _create_tables() -> None:
 def _drop_open() -> None:
     for name in OPEN:
         op.drop_index(name, table_name="jobs")
-
-
-def _create_open() -> None:
-    for name, (column, condition) in OPEN.items():
-        where = sa.text(condition)
-        op.create_index(name, "jobs", [column], unique=True, sqlite_where=where, postgresql_where=where)
-
-
-def _jobs_table_now() -> sa.Table:
-    """As `upgrade` leaves it, but for its indexes with a condition."""
-    table = jobs_table(JOB_KINDS_NOW)
-    table.append_column(sa.Column("charge_id", ID, nullable=True))
-    table.c.study_id.nullable = True
-    table.append_constraint(sa.CheckConstraint(OF_CHARGE, name="ck_jobs_charge"))
-    table.append_constraint(sa.CheckConstraint(OWNER, name="ck_jobs_owner"))
-    table.append_constraint(
-        sa.ForeignKeyConstraint(
-            ["charge_id"], ["charges.id"], name="fk_jobs_charge_id_charges", ondelete="CASCADE"
-        )
-    )
-    return table
-
-
-def _artifacts_table(with_charges: bool = False) -> sa.Table:
-    """As revision 0001 left it, or as `upgrade` does."""
-    table = sa.Table(
-        "artifacts",
-        sa.MetaData(),
-        sa.Column("id", ID, nullable=False),
-        sa.Column("design_id", ID, nullable=with_charges),
-        sa.Column("kind", sa.String(length=16), nullable=False),
-        sa.Column("file_name", sa.String(length=100), nullable=False),
-        sa.Column("media_type", sa.String(length=100), nullable=False),
-        sa.Column("sha256", sa.String(length=64), nullable=False),
-        sa.Column("size_bytes", sa.BigInteger(), nullable=False),
-        sa.Column("path", sa.String(length=200), nullable=False),
-        sa.Column("created_at", sa.Double(), nullable=False),
-        sa.ForeignKeyConstraint(
-            ["design_id"], ["designs.id"], name="fk_artifacts_design_id_designs", ondelete="CASCADE"
-        ),
-        sa.PrimaryKeyConstraint("id", name="pk_artifacts"),
-        sa.UniqueConstraint("design_id", "kind", name="uq_artifacts_design_id"),
-        sqlite_autoincrement=True,
-    )
-    if with_charges:
-        table.append_column(sa.Column("charge_id", ID, nullable=True))
-        table.append_constraint(sa.UniqueConstraint("charge_id", "kind", name="uq_artifacts_charge_id"))
-        table.append_constraint(sa.CheckConstraint(OWNER_OF_FILE, name="ck_artifacts_owner"))
-        table.append_constraint(
-            sa.ForeignKeyConstraint(
-                ["charge_id"], ["charges.id"], name="fk_artifacts_charge_id_charges", ondelete="CASCADE"
-            )
-        )
-    return table
-
-
-def _check_foreign_keys() -> None:
-    connection = op.get_bind()
-    if connection.dialect.name == "sqlite":
-        broken = connection.exec_driver_sql("PRAGMA foreign_key_check").fetchall()
-        if broken:
-            raise RuntimeError(f"rows that refer to nothing: {broken[:5]}")

@@ -293,6 +293,7 @@ class JobAnswer(BaseModel):
     study_id: int | None
     design_id: int | None
     charge_id: int | None
+    diagnosis_id: int | None
     state: JobState
     attempt: int
     max_attempts: int

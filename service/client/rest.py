@@ -135,6 +135,22 @@ class Client:
                 return None
             raise
 
+    def create_data_set(self, name: str, tables: dict[str, str]) -> dict[str, Any]:
+        answer = self._send(
+            "POST", "/v1/measurements", json={"name": name, "tables": tables}, timeout=FILE_SECONDS
+        )
+        data_set: dict[str, Any] = answer.json()
+        return data_set
+
+    def create_diagnosis(self, body: dict[str, Any]) -> dict[str, Any]:
+        return self._call("POST", "/v1/diagnoses", body)
+
+    def diagnosis(self, diagnosis_id: int) -> dict[str, Any]:
+        return self._call("GET", f"/v1/diagnoses/{diagnosis_id}")
+
+    def cancel_diagnosis(self, diagnosis_id: int) -> dict[str, Any]:
+        return self._call("POST", f"/v1/diagnoses/{diagnosis_id}/cancel")
+
     def readiness(self) -> dict[str, Any]:
         """The checks by name, also where the service says that it is not ready."""
         return self._call("GET", "/v1/health/ready", good=(200, 503))

@@ -66,6 +66,7 @@ PHASES: Mapping[str, str] = {
     "run-up": "run-up of the belt",
     "charge": "charging",
     "rest": "coming to rest",
+    "diagnose": "simulating and comparing",
 }
 
 JOB_KINDS: Mapping[str, str] = {
@@ -74,6 +75,7 @@ JOB_KINDS: Mapping[str, str] = {
     "recommend": "choosing the optimum",
     "report": "writing the report",
     "charge": "charge of the hopper",
+    "diagnose": "diagnosis of measured data",
 }
 
 FAILURES: Mapping[str, str] = {

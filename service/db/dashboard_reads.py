@@ -12,7 +12,17 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session, defer
 
 from service.db import queries, read_models
-from service.db.models import ChargeRow, DesignRow, EventRow, JobRow, ProcessRow, RunRow, StudyRow
+from service.db.models import (
+    ChargeRow,
+    DataSetRow,
+    DesignRow,
+    DiagnosisRow,
+    EventRow,
+    JobRow,
+    ProcessRow,
+    RunRow,
+    StudyRow,
+)
 from service.domain.states import OPEN_JOBS, JobState
 
 # Workers and dispatchers report every few seconds; after this long without, they count as gone.
@@ -93,10 +103,15 @@ def open_jobs(session: Session, study_id: int | None = None) -> Sequence[OpenJob
     """Running ones first, then the longest waiting; at most MOST_JOBS."""
     statement = (
         select(
-            JobRow, DesignRow.number, func.coalesce(StudyRow.material, ChargeRow.charge), RunRow.started_at
+            JobRow,
+            DesignRow.number,
+            func.coalesce(StudyRow.material, ChargeRow.charge, DataSetRow.name),
+            RunRow.started_at,
         )
         .outerjoin(StudyRow, StudyRow.id == JobRow.study_id)
         .outerjoin(ChargeRow, ChargeRow.id == JobRow.charge_id)
+        .outerjoin(DiagnosisRow, DiagnosisRow.id == JobRow.diagnosis_id)
+        .outerjoin(DataSetRow, DataSetRow.id == DiagnosisRow.data_set_id)
         .outerjoin(DesignRow, DesignRow.id == JobRow.design_id)
         .outerjoin(RunRow, (RunRow.job_id == JobRow.id) & (RunRow.attempt == JobRow.attempt))
         .where(JobRow.state.in_(OPEN_JOBS))

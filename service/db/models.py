@@ -22,6 +22,13 @@ from sqlalchemy.orm import Mapped, mapped_column
 from service.db.base import Base, Id, stored_enum
 from service.db.charge_models import ChargeRow, GeometryRow
 from service.db.clock import database_now
+from service.db.diagnosis_models import (
+    DataSetRow,
+    DiagnosisRow,
+    ModelVersionRow,
+    NullCalibrationRow,
+    SimulatorRunRow,
+)
 from service.domain.states import DesignState, JobKind, JobState, StudyState, Verdict
 
 __all__ = [
@@ -29,17 +36,34 @@ __all__ = [
     "Base",
     "BudgetChangeRow",
     "ChargeRow",
+    "DataSetRow",
     "DesignRow",
+    "DiagnosisRow",
     "EventRow",
     "GeometryRow",
     "JobRow",
+    "ModelVersionRow",
+    "NullCalibrationRow",
     "ProcessRow",
     "ProposalRow",
     "ReportRow",
     "RunRow",
+    "SimulatorRunRow",
     "StudyRow",
     "SurrogateRow",
+    "TaskRow",
 ]
+
+# What a job of its own carries out, beside the studies with their many.
+TaskRow = ChargeRow | DiagnosisRow
+
+
+def _one_owner(first: str) -> str:
+    """A job or a file belongs to exactly one thing: a truth is no number on PostgreSQL."""
+    counted = (
+        f"(case when {name} is null then 0 else 1 end)" for name in (first, "charge_id", "diagnosis_id")
+    )
+    return " + ".join(counted) + " = 1"
 
 
 class StudyRow(Base):
@@ -212,8 +236,8 @@ class DesignRow(Base):
 
 
 class JobRow(Base):
-    """A piece of work for a worker, of a study or a charge. This row is the truth; the message in the broker only
-    says "look here".
+    """A piece of work for a worker, of a study, a charge or a diagnosis. This row is the truth; the message in the
+    broker only says "look here".
 
     `attempt` is the fence: a worker may only write where the attempt is still its own. `max_attempts` bounds
     the attempts that were lost; one that was given back in order, or repeated by a retry rule, raises it.
@@ -223,12 +247,14 @@ class JobRow(Base):
     __table_args__ = (
         CheckConstraint("(kind = 'simulate') = (design_id is not null)", name="design"),
         CheckConstraint("(kind = 'charge') = (charge_id is not null)", name="charge"),
-        CheckConstraint("(study_id is null) = (charge_id is not null)", name="owner"),
+        CheckConstraint("(kind = 'diagnose') = (diagnosis_id is not null)", name="diagnosis"),
+        CheckConstraint(_one_owner("study_id"), name="owner"),
         Index("ix_jobs_state_published_at", "state", "published_at"),
         Index("ix_jobs_created_at_id", "created_at", "id"),
         Index("ix_jobs_study_id", "study_id"),
         Index("ix_jobs_design_id", "design_id"),
         Index("uq_jobs_charge_id", "charge_id", unique=True),
+        Index("uq_jobs_diagnosis_id", "diagnosis_id", unique=True),
         Index(
             "uq_jobs_open_design",
             "design_id",
@@ -257,6 +283,7 @@ class JobRow(Base):
     study_id: Mapped[int | None] = mapped_column(ForeignKey("studies.id", ondelete="CASCADE"))
     design_id: Mapped[int | None] = mapped_column(ForeignKey("designs.id", ondelete="CASCADE"))
     charge_id: Mapped[int | None] = mapped_column(ForeignKey("charges.id", ondelete="CASCADE"))
+    diagnosis_id: Mapped[int | None] = mapped_column(ForeignKey("diagnoses.id", ondelete="CASCADE"))
     state: Mapped[JobState] = mapped_column(stored_enum(JobState, "state"), default=JobState.QUEUED)
     attempt: Mapped[int] = mapped_column(default=0)
     max_attempts: Mapped[int]
@@ -297,20 +324,22 @@ class RunRow(Base):
 
 
 class ArtifactRow(Base):
-    """A file of a design or a charge, fetched by this id; `path` (below the artifact folder) never leaves the
-    service."""
+    """A file of a design, a charge or a diagnosis, fetched by this id; `path` (below the artifact folder) never
+    leaves the service."""
 
     __tablename__ = "artifacts"
     __table_args__ = (
         UniqueConstraint("design_id", "kind"),
         UniqueConstraint("charge_id", "kind"),
-        CheckConstraint("(design_id is null) = (charge_id is not null)", name="owner"),
+        UniqueConstraint("diagnosis_id", "kind"),
+        CheckConstraint(_one_owner("design_id"), name="owner"),
         {"sqlite_autoincrement": True},
     )
 
     id: Mapped[int] = mapped_column(Id, primary_key=True)
     design_id: Mapped[int | None] = mapped_column(ForeignKey("designs.id", ondelete="CASCADE"))
     charge_id: Mapped[int | None] = mapped_column(ForeignKey("charges.id", ondelete="CASCADE"))
+    diagnosis_id: Mapped[int | None] = mapped_column(ForeignKey("diagnoses.id", ondelete="CASCADE"))
     kind: Mapped[str] = mapped_column(String(16))
     file_name: Mapped[str] = mapped_column(String(100))
     media_type: Mapped[str] = mapped_column(String(100))

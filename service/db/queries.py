@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from sqlalchemy import and_, case, or_, select, update
 from sqlalchemy.orm import Session
 
 from service.db.clock import database_now
-from service.db.models import ChargeRow, JobRow, StudyRow
+from service.db.models import ChargeRow, DiagnosisRow, JobRow, StudyRow, TaskRow
 from service.domain.states import JobKind, JobState, StudyState, is_over, sources
 
 # A published job that nobody claimed is published again after this long times the square of its publications:
@@ -24,6 +24,7 @@ REPUBLISH_AFTER_S = 15.0
 # A paused study starts no simulation and proposes nothing; a report on it may be written.
 CLAIMED_WHILE_PAUSED = (JobKind.REPORT,)
 
+_Task = TypeVar("_Task", ChargeRow, DiagnosisRow)
 _UNPUBLISHED = {"lease_until": None, "published_at": None, "publications": 0}
 
 
@@ -50,20 +51,22 @@ def lock_study(session: Session, study_id: int) -> StudyRow | None:
     return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
 
 
-def lock_charge(session: Session, charge_id: int) -> ChargeRow | None:
-    """The charge's row, locked until the commit, as a study's is."""
-    statement = select(ChargeRow).where(ChargeRow.id == charge_id).with_for_update()
+def lock_task(session: Session, task: type[_Task], task_id: int) -> _Task | None:
+    """The row of a charge or a diagnosis, locked until the commit, as a study's is."""
+    statement = select(task).where(task.id == task_id).with_for_update()
     return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
 
 
-def lock_owner(session: Session, job_id: str) -> StudyRow | ChargeRow | None:
-    """The study or the charge that a job belongs to, which never changes, locked. None: no such job."""
-    statement = select(JobRow.study_id, JobRow.charge_id).where(JobRow.id == job_id)
+def lock_owner(session: Session, job_id: str) -> StudyRow | TaskRow | None:
+    """What a job belongs to, which never changes, locked. None: no such job."""
+    statement = select(JobRow.study_id, JobRow.charge_id, JobRow.diagnosis_id).where(JobRow.id == job_id)
     found = session.execute(statement).one_or_none()
     if found is None:
         return None
     if found.charge_id is not None:
-        return lock_charge(session, found.charge_id)
+        return lock_task(session, ChargeRow, found.charge_id)
+    if found.diagnosis_id is not None:
+        return lock_task(session, DiagnosisRow, found.diagnosis_id)
     return lock_study(session, found.study_id)
 
 
@@ -105,6 +108,11 @@ def beat(session: Session, lease: Lease, lease_s: float, progress: dict[str, Any
         values["progress"] = progress
     statement = update(JobRow).where(_owned(lease)).values(values).returning(JobRow.cancel_requested)
     return session.execute(statement).scalar_one_or_none()
+
+
+def holds(session: Session, lease: Lease) -> bool:
+    """Whether the attempt still owns its job. Under the owner's lock it stays so until the commit."""
+    return session.scalar(select(JobRow.id).where(_owned(lease))) is not None
 
 
 def finish(session: Session, lease: Lease, state: JobState, failure_text: str | None = None) -> bool:

@@ -45,13 +45,14 @@ class StudyState(Enum):
 
 class JobKind(Enum):
     """What a job does: propose the next design, simulate one, recommend the study's optimum at its end, report
-    on what is known of a study so far, or simulate a charge of the hopper."""
+    on what is known of a study so far, simulate a charge of the hopper, or diagnose a data set."""
 
     PROPOSE = "propose"
     SIMULATE = "simulate"
     RECOMMEND = "recommend"
     REPORT = "report"
     CHARGE = "charge"
+    DIAGNOSE = "diagnose"
 
 
 class Verdict(Enum):

@@ -1,4 +1,4 @@
-"""Cancel one simulation: a charge, or a design, without which its study goes on."""
+"""Cancel one piece of work: a charge, a diagnosis, or a design, without which its study goes on."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def cancel_job(session: Session, job_id: str) -> JobRow | None:
         return None
     if job.state is JobState.CANCELLED:
         return job
-    if job.kind not in (JobKind.SIMULATE, JobKind.CHARGE):
+    if job.kind not in (JobKind.SIMULATE, JobKind.CHARGE, JobKind.DIAGNOSE):
         raise JobNotCancellable(f"a {job.kind.value} job carries its study: cancel study {owner.id} instead")
     if not withdraw_job(session, job):
         raise JobNotCancellable(f"the job is {job.state.value} already")

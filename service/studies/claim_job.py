@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import ChargeRow, DesignRow, JobRow, RunRow, StudyRow
+from service.db.models import (
+    ChargeRow,
+    DataSetRow,
+    DesignRow,
+    DiagnosisRow,
+    JobRow,
+    NullCalibrationRow,
+    RunRow,
+    StudyRow,
+)
 from service.db.queries import Lease
 from service.domain.charge import ChargeSpec
+from service.domain.data_set.records import DataSet
+from service.domain.data_set.stored import from_record
+from service.domain.diagnosis import DiagnosisSpec
 from service.domain.history import StudyHistory
 from service.domain.spec_record import spec_from_record
 from service.domain.states import DesignState, JobKind, StudyState, require_change
 from service.domain.study import StudySpec
-from service.studies.move_charge import move_charge
+from service.studies.move_task import move_task
 from service.studies.read_history import read_history, read_whole_history
 from service.studies.record_event import record_design_event
 
@@ -49,7 +64,24 @@ class ChargeClaim:
     kind: JobKind = JobKind.CHARGE
 
 
-def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> Claim | ChargeClaim | None:
+@dataclass(frozen=True)
+class DiagnosisClaim:
+    """A claimed diagnosis: its data set, and the null calibrations that earlier ones made, by their keys."""
+
+    lease: Lease
+    diagnosis_id: int
+    spec: DiagnosisSpec
+    data: DataSet
+    calibrations: Mapping[str, Mapping[str, Any]]
+    attempts_left: int
+    time_step_factor: float = 1.0
+    kind: JobKind = JobKind.DIAGNOSE
+
+
+AnyClaim = Claim | ChargeClaim | DiagnosisClaim
+
+
+def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> AnyClaim | None:
     """None when there is nothing to claim: the message was a duplicate, forged, or came too late."""
     owner = queries.lock_owner(session, job_id)
     if owner is None or (isinstance(owner, StudyRow) and _is_held(session, owner, job_id)):
@@ -62,9 +94,19 @@ def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> 
     )
     lease, left = Lease(job.id, job.attempt), job.max_attempts - job.attempt
     if isinstance(owner, ChargeRow):
-        move_charge(session, owner, DesignState.RUNNING)
+        move_task(session, owner, DesignState.RUNNING)
         return ChargeClaim(lease, owner.id, ChargeSpec.from_record(owner.spec), job.time_step_factor, left)
+    if isinstance(owner, DiagnosisRow):
+        move_task(session, owner, DesignState.RUNNING)
+        return _claim_of_diagnosis(session, owner, lease, left)
     return _claim_of_study(session, owner, job, lease, left)
+
+
+def _claim_of_diagnosis(session: Session, owner: DiagnosisRow, lease: Lease, left: int) -> DiagnosisClaim:
+    data_set = session.get_one(DataSetRow, owner.data_set_id)
+    calibrations = {row.key: row.content for row in session.scalars(select(NullCalibrationRow))}
+    spec = DiagnosisSpec(**owner.spec)
+    return DiagnosisClaim(lease, owner.id, spec, from_record(data_set.content), calibrations, left)
 
 
 def _claim_of_study(session: Session, study: StudyRow, job: JobRow, lease: Lease, left: int) -> Claim:

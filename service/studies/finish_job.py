@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import ChargeRow, DesignRow, JobRow, StudyRow
+from service.db.models import DesignRow, JobRow, StudyRow, TaskRow
 from service.db.queries import Lease
 from service.domain.states import JobState
 
@@ -15,15 +15,15 @@ from service.domain.states import JobState
 @dataclass(frozen=True)
 class FinishedJob:
     """The rows that belong to a job which this transaction has just ended: its study, with a design or without,
-    or its charge."""
+    or its charge or diagnosis."""
 
-    owner: StudyRow | ChargeRow
+    owner: StudyRow | TaskRow
     job: JobRow
     design: DesignRow | None
 
     @property
     def study(self) -> StudyRow:
-        """The owner, where the job is no charge's."""
+        """The owner, where the job is a study's."""
         assert isinstance(self.owner, StudyRow)
         return self.owner
 
@@ -38,7 +38,7 @@ def finish_job(
     return rows_of(session, owner, session.get_one(JobRow, lease.job_id))
 
 
-def rows_of(session: Session, owner: StudyRow | ChargeRow, job: JobRow) -> FinishedJob:
+def rows_of(session: Session, owner: StudyRow | TaskRow, job: JobRow) -> FinishedJob:
     """The job's rows as the database has them now."""
     design = session.get_one(DesignRow, job.design_id, populate_existing=True) if job.design_id else None
     return FinishedJob(owner, job, design)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import ChargeRow
+from service.db.models import TaskRow
 from service.db.queries import Lease
 from service.domain.outcome import RunCost
 from service.domain.states import DesignState, JobState, require_change
 from service.studies.close_run import close_run
 from service.studies.finish_job import FinishedJob, rows_of
-from service.studies.move_charge import move_charge
+from service.studies.move_task import move_task
 from service.studies.record_cancellation import settle_cancellation
 from service.studies.record_event import record_design_event
 
@@ -47,8 +47,8 @@ def settle_return(
 ) -> None:
     """What follows from a job that is queued again already."""
     close_run(session, lease, why.exit_class, why.text, cost)
-    if isinstance(ended.owner, ChargeRow):
-        move_charge(session, ended.owner, DesignState.WAITING)
+    if isinstance(ended.owner, TaskRow):
+        move_task(session, ended.owner, DesignState.WAITING)
     design = ended.design
     if design is not None:
         require_change(design.state, DesignState.WAITING)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from sqlalchemy.orm import Session
 
-from service.db.models import ChargeRow
+from service.db.models import TaskRow
 from service.db.queries import Lease
 from service.domain.outcome import RunCost
 from service.domain.states import DesignState, JobState
 from service.studies.advance_study import advance_study
 from service.studies.close_run import close_run
 from service.studies.finish_job import FinishedJob, finish_job
-from service.studies.move_charge import move_charge
+from service.studies.move_task import move_task
 from service.studies.withdraw_jobs import cancel_design
 
 
@@ -29,8 +29,8 @@ def settle_cancellation(
 ) -> None:
     """What follows from a job that is cancelled already."""
     close_run(session, lease, "cancelled", cost=cost)
-    if isinstance(ended.owner, ChargeRow):
-        move_charge(session, ended.owner, DesignState.CANCELLED)
+    if isinstance(ended.owner, TaskRow):
+        move_task(session, ended.owner, DesignState.CANCELLED)
         return
     if ended.design is not None:
         cancel_design(session, ended.design)

@@ -10,7 +10,7 @@ from service.domain.outcome import ChargeMeasurement, RunCost
 from service.domain.states import DesignState, JobState
 from service.studies.close_run import close_run
 from service.studies.finish_job import finish_job
-from service.studies.move_charge import move_charge
+from service.studies.move_task import move_task
 
 
 def record_charge(
@@ -35,6 +35,6 @@ def record_charge(
         )
         for artifact in measurement.artifacts
     )
-    move_charge(session, charge, DesignState.COMPLETE)
+    move_task(session, charge, DesignState.COMPLETE)
     close_run(session, lease, "done", cost=cost)
     return True

@@ -1,18 +1,18 @@
-"""Record that a job failed for good: an error for a design or a charge, the study's end for other kinds."""
+"""Record that a job failed for good: an error for a design, charge or diagnosis, the study's end for others."""
 
 from __future__ import annotations
 
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import ChargeRow, DesignRow, StudyRow
+from service.db.models import DesignRow, StudyRow, TaskRow
 from service.db.queries import Lease
 from service.domain.outcome import Failure, RunCost
 from service.domain.states import DesignState, JobKind, JobState, StudyState, Verdict, require_change
 from service.studies.advance_study import advance_study
 from service.studies.close_run import close_run
 from service.studies.finish_job import FinishedJob, finish_job
-from service.studies.move_charge import move_charge
+from service.studies.move_task import move_task
 from service.studies.record_event import record_design_event, record_study_event
 from service.studies.withdraw_jobs import withdraw_jobs
 
@@ -31,8 +31,8 @@ def settle_failure(
 ) -> None:
     """What follows from a job that is failed already (the reaper fails one that was lost too often)."""
     close_run(session, lease, failure.failure_class.value, failure.text, cost)
-    if isinstance(ended.owner, ChargeRow):
-        move_charge(session, ended.owner, DesignState.FAILED, failure)
+    if isinstance(ended.owner, TaskRow):
+        move_task(session, ended.owner, DesignState.FAILED, failure)
     elif ended.design is not None:
         _fail_design(session, ended.study, ended.design, failure)
         advance_study(session, ended.study)

@@ -6,11 +6,11 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import ChargeRow, DesignRow, JobRow, StudyRow
+from service.db.models import ChargeRow, DesignRow, DiagnosisRow, JobRow, StudyRow
 from service.db.queries import Lease
 from service.domain.states import OPEN_JOBS, DesignState, JobKind, JobState, require_change
 from service.studies.close_run import close_run
-from service.studies.move_charge import move_charge
+from service.studies.move_task import move_task
 from service.studies.record_event import record_design_event
 
 
@@ -43,7 +43,10 @@ def withdraw_job(session: Session, job: JobRow) -> bool:
     if job.state is JobState.QUEUED and queries.cancel_queued(session, job.id):
         if job.charge_id is not None:
             charge = session.get_one(ChargeRow, job.charge_id, populate_existing=True)
-            move_charge(session, charge, DesignState.CANCELLED)
+            move_task(session, charge, DesignState.CANCELLED)
+        if job.diagnosis_id is not None:
+            diagnosis = session.get_one(DiagnosisRow, job.diagnosis_id, populate_existing=True)
+            move_task(session, diagnosis, DesignState.CANCELLED)
         if job.design_id is not None:
             cancel_design(session, session.get_one(DesignRow, job.design_id, populate_existing=True))
         return True

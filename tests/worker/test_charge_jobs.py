@@ -10,6 +10,7 @@ import pytest
 
 from demcore.errors import BlowUp, Cancelled, NoResult
 from service.db import queries
+from service.db.models import ChargeRow
 from service.domain.outcome import ChargeMeasurement
 from service.domain.states import DesignState, JobState
 from service.settings import Settings
@@ -99,7 +100,7 @@ def test_a_charge_whose_worker_vanished_is_queued_again_and_fails_at_the_last_at
 
 
 def charge_state(session: Any, number: int) -> DesignState:
-    row = queries.lock_charge(session, number)
+    row = queries.lock_task(session, ChargeRow, number)
     assert row is not None
     return row.state
 

@@ -1,0 +1,191 @@
+"""What the API takes and answers about measured data sets, diagnoses and versions of the model."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.api.study_parts import STRICT
+from service.api.views import ArtifactAnswer, as_utc
+from service.db.models import DataSetRow, ModelVersionRow
+from service.db.read_diagnoses import DiagnosisView
+from service.domain.diagnosis import DiagnosisSpec
+from service.domain.states import DesignState, JobState
+
+_DEFAULT = DiagnosisSpec(1)
+
+
+class DataSetBody(BaseModel):
+    """A measured data set: its tables as texts of CSV files."""
+
+    model_config = ConfigDict(**STRICT)
+
+    name: Annotated[str, Field(min_length=1, max_length=100)]
+    tables: Annotated[
+        dict[str, str],
+        Field(
+            description="texts by file name: conditions.csv, observations.csv and perhaps profiles.csv",
+            examples=[
+                {"conditions.csv": "condition,test,...", "observations.csv": "condition,replicate,..."}
+            ],
+        ),
+    ]
+
+
+class ConditionFacts(BaseModel):
+    """One condition of a data set."""
+
+    condition: str
+    test: str
+    material: str
+    holdout: bool
+    replicates: int
+
+
+class DataSetAnswer(BaseModel):
+    """A stored data set, and what it is too thin for."""
+
+    id: int
+    name: str
+    split_hash: str = Field(description="SHA-256 of the values and of which conditions are held out")
+    conditions: list[ConditionFacts]
+    observations: int
+    profiles: int
+    can_be_diagnosed: bool
+    sentences: list[str] = Field(description="what cannot be concluded from it, and why")
+    opened_by: int | None = Field(description="the diagnosis that has looked at the held-out conditions")
+    created_at: datetime | None
+
+    @classmethod
+    def of(cls, row: DataSetRow) -> Self:
+        return cls(
+            id=row.id,
+            name=row.name,
+            split_hash=row.split_hash,
+            opened_by=row.opened_by,
+            created_at=as_utc(row.created_at),
+            **row.facts,
+        )
+
+
+class DataSetList(BaseModel):
+    """Data sets, newest first."""
+
+    items: list[DataSetAnswer]
+    next_cursor: int | None = Field(description="pass it as `cursor` for the next page; null: there is none")
+
+
+class DiagnosisBody(BaseModel):
+    """A diagnosis of a data set. `{"data_set": 1}` is enough."""
+
+    model_config = ConfigDict(**STRICT)
+
+    data_set: int
+    grains: Annotated[int, Field(description="about which a simulated pile is made of")] = _DEFAULT.grains
+    contact_model: str = _DEFAULT.contact_model
+    first_wave: Annotated[int, Field(description="runs of each condition over the whole box")] = (
+        _DEFAULT.first_wave
+    )
+    second_wave: Annotated[int, Field(description="and about the re-calibrated parameters")] = (
+        _DEFAULT.second_wave
+    )
+    plants: Annotated[int, Field(description="effect-free pseudo-plants")] = _DEFAULT.plants
+    seed: int = _DEFAULT.seed
+
+    def to_spec(self) -> DiagnosisSpec:
+        """What the domain is asked. Raises InvalidValue."""
+        return DiagnosisSpec(**self.model_dump())
+
+
+class DiagnosisCostBody(BaseModel):
+    """What a diagnosis was expected to take when it was asked for."""
+
+    runs: int
+    hours: float = Field(description="of one core")
+    text: str
+
+
+class DiagnosisAnswer(BaseModel):
+    """One diagnosis: what was asked for, how far it is, what it says."""
+
+    id: int
+    data_set: int
+    state: DesignState
+    spec: dict[str, Any]
+    cost: DiagnosisCostBody
+    verdict: str | None
+    result: dict[str, Any] | None = Field(
+        description="verdict, claims, also_possible, not_testable, indistinguishable, unexplained, remainder,"
+        " gain, next_measurement, cost, model_version; with limits, sentences and the extended model's name"
+    )
+    failure_class: str | None
+    failure_text: str | None
+    job_id: str | None
+    progress: dict[str, Any] | None
+    artifacts: list[ArtifactAnswer]
+    created_at: datetime | None
+    started_at: datetime | None
+    ended_at: datetime | None
+
+    @classmethod
+    def of(cls, view: DiagnosisView) -> Self:
+        row, job = view.diagnosis, view.job
+        return cls(
+            id=row.id,
+            data_set=row.data_set_id,
+            state=row.state,
+            spec=row.spec,
+            cost=DiagnosisCostBody(**row.cost),
+            verdict=row.verdict,
+            result=row.results,
+            failure_class=row.failure_class,
+            failure_text=row.failure_text,
+            job_id=job.id if job else None,
+            progress=job.progress if job and job.state is JobState.RUNNING else None,
+            artifacts=[ArtifactAnswer.of(artifact) for artifact in view.artifacts],
+            created_at=as_utc(row.created_at),
+            started_at=as_utc(row.started_at),
+            ended_at=as_utc(row.ended_at),
+        )
+
+
+class DiagnosisList(BaseModel):
+    """Diagnoses, newest first."""
+
+    items: list[DiagnosisAnswer]
+    next_cursor: int | None = Field(description="pass it as `cursor` for the next page; null: there is none")
+
+
+class ModelVersionAnswer(BaseModel):
+    """The model extended with named effects."""
+
+    id: int
+    name: str
+    parent: int | None
+    diagnosis: int
+    base: str = Field(description="the simulator that it extends, with its code")
+    effects: dict[str, Any] = Field(description="by effect: value, unit and 90 % interval of the amplitude")
+    withdrawn_at: datetime | None
+    created_at: datetime | None
+
+    @classmethod
+    def of(cls, row: ModelVersionRow) -> Self:
+        return cls(
+            id=row.id,
+            name=row.name,
+            parent=row.parent_id,
+            diagnosis=row.diagnosis_id,
+            base=row.base,
+            effects=row.effects,
+            withdrawn_at=as_utc(row.withdrawn_at),
+            created_at=as_utc(row.created_at),
+        )
+
+
+class ModelVersionList(BaseModel):
+    """Versions, newest first."""
+
+    items: list[ModelVersionAnswer]
+    next_cursor: int | None = Field(description="pass it as `cursor` for the next page; null: there is none")

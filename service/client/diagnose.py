@@ -1,0 +1,153 @@
+"""`talus diagnose`: measured tables from a folder, to the verdict on what the simulation gets wrong.
+
+It uses the service that runs on the data folder, or starts one for as long as the diagnosis takes. Stopped, it can
+be asked again: simulations that were made are not made again.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from service.client.local_service import running_service
+from service.client.rest import Client
+from service.domain.data_set.cells import BadDataSet
+from service.domain.data_set.columns import CONDITIONS, OBSERVATIONS, PROFILES
+from service.domain.data_set.reading import read_data_set
+from service.domain.data_set.tables import read_file
+from service.settings import Settings
+
+POLL_SECONDS = 0.5
+OPEN_STATES = ("WAITING", "RUNNING")
+
+
+class NotADataSetError(Exception):
+    """The folder holds no data set; the text names every bad cell."""
+
+
+def read_tables(folder: Path) -> dict[str, str]:
+    """The texts of the tables, checked before a service is started. Raises NotADataSetError."""
+    try:
+        read_data_set(folder)
+    except BadDataSet as error:
+        raise NotADataSetError(str(error)) from error
+    names = (CONDITIONS, OBSERVATIONS, PROFILES)
+    return {name: read_file(folder / name) for name in names if (folder / name).exists()}
+
+
+def diagnose(
+    settings: Settings,
+    name: str,
+    tables: Mapping[str, str],
+    options: Mapping[str, Any],
+    as_json: bool,
+    console: Console,
+) -> int:
+    """The exit status: 0 when there is a verdict. `options`: the fields of POST /v1/diagnoses that were chosen."""
+    quiet = Console(stderr=True, quiet=as_json)
+    with running_service(settings) as service, Client(service.url) as client:
+        data_set = client.create_data_set(name, dict(tables))
+        for sentence in data_set["sentences"]:
+            quiet.print(sentence, highlight=False)
+        diagnosis = client.create_diagnosis({"data_set": data_set["id"], **options})
+        quiet.print(f"Diagnosis {diagnosis['id']}: {diagnosis['cost']['text']}", highlight=False)
+        service.wait_for("dispatcher", "workers")
+        diagnosis = follow(client, diagnosis, quiet)
+    if diagnosis["state"] != "COMPLETE":
+        console.print(
+            f"Diagnosis {diagnosis['id']} is {diagnosis['state']}: {diagnosis['failure_text'] or 'no verdict'}",
+            highlight=False,
+        )
+        return 1
+    if as_json:
+        console.print_json(json.dumps(published(diagnosis["result"])))
+    else:
+        for line in lines(diagnosis["result"]):
+            console.print(line, highlight=False, soft_wrap=True)
+    return 0
+
+
+def follow(client: Client, diagnosis: dict[str, Any], console: Console) -> dict[str, Any]:
+    """Until it is over. Ctrl-C cancels it; its runs stay."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("simulating", total=1.0)
+        try:
+            while diagnosis["state"] in OPEN_STATES:
+                time.sleep(POLL_SECONDS)
+                diagnosis = client.diagnosis(diagnosis["id"])
+                told = diagnosis["progress"] or {}
+                bar.update(
+                    task, completed=told.get("fraction", 0.0), description=f"{told.get('runs', 0)} runs"
+                )
+        except KeyboardInterrupt:
+            client.cancel_diagnosis(diagnosis["id"])
+            raise
+    return diagnosis
+
+
+PUBLISHED = (
+    "verdict",
+    "claims",
+    "also_possible",
+    "not_testable",
+    "indistinguishable",
+    "unexplained",
+    "remainder",
+    "gain",
+    "next_measurement",
+    "cost",
+    "model_version",
+)
+
+
+def published(result: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields that `--json` promises, in their order."""
+    return {name: result[name] for name in PUBLISHED}
+
+
+VERDICTS = {
+    "no_misfit": "Consistent with the model: nothing that these data could show is missing.",
+    "named": "The data are consistent with one cause of the library.",
+    "named_with_remainder": "A cause of the library explains part of the misfit; something is left.",
+    "ambiguous": "Something is wrong, and these data do not tell which of several causes it is.",
+    "unexplained": "Something is wrong that no cause of the library explains.",
+    "refused": "No diagnosis: the data or the emulators do not carry one.",
+}
+
+
+def lines(result: Mapping[str, Any]) -> list[str]:
+    """What a plant engineer reads, a sentence each."""
+    told = [VERDICTS[result["verdict"]], *result["sentences"]]
+    for claim in result["claims"]:
+        size = claim["amplitude"]
+        low, high = size["ci90"]
+        told.append(
+            f"{claim['effect']} ({claim['level']}): {size['value']:.3g} {size['unit']} (90 % {low:.3g} to "
+            f"{high:.3g}), inclusion {claim['inclusion']:.3f}; equivalent to, within this library."
+        )
+    for group, words in (("also_possible", "Not excluded"), ("unexplained", "Where")):
+        if result[group]:
+            names = ", ".join(
+                f"{item.get('effect', item.get('block'))} {item.get('inclusion', item.get('probability')):.2f}"
+                for item in result[group]
+            )
+            told.append(f"{words}: {names}.")
+    if result["not_testable"]:
+        told.append(f"These data cannot show: {', '.join(result['not_testable'])}.")
+    if result["gain"]:
+        gain = result["gain"]
+        told.append(
+            f"On data held out the extended model gains {gain['log_score']:.1f} nats (by chance at most "
+            f"{gain['null_95']:.1f}), RMSE {gain['rmse_before']:.2f} to {gain['rmse_after']:.2f} sd."
+        )
+    if result.get("extended_model"):
+        told.append(f"Extended model: {result['extended_model']}.")
+    told += [f"Next: {item['what']} (cost {item['cost']:g})." for item in result["next_measurement"][:3]]
+    return told

@@ -1,0 +1,122 @@
+"""What a diagnosis is asked to do, what it will cost, and what it answers, as plain records.
+
+How it is done is the worker's (worker/diagnosis); here are only the numbers that a user chooses.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from service.domain.data_set.records import Condition
+from service.domain.errors import InvalidValue
+
+CONTACT_MODELS = ("paper", "hertz_mindlin")
+# Grains in a pile against what its run takes: smaller piles scatter more, larger ones take longer.
+FEWEST_GRAINS, MOST_GRAINS = 100, 20_000
+FEWEST_RUNS, MOST_RUNS = 16, 1000
+FEWEST_PLANTS, MOST_PLANTS = 100, 2000
+LARGEST_SEED = 2**31 - 1
+
+
+@dataclass(frozen=True)
+class DiagnosisSpec:
+    """`grains` about which a pile is made of. `first_wave`, `second_wave`: runs of each condition that the
+    emulators learn from; `plants`: effect-free pseudo-plants that set the thresholds.
+
+    Raises InvalidValue naming the field.
+    """
+
+    data_set: int
+    grains: int = 600
+    contact_model: str = "paper"
+    first_wave: int = 64
+    second_wave: int = 48
+    plants: int = 128
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.contact_model not in CONTACT_MODELS:
+            raise InvalidValue("contact_model", self.contact_model, "one of " + ", ".join(CONTACT_MODELS))
+        for name, lowest, highest in (
+            ("data_set", 1, LARGEST_SEED),
+            ("grains", FEWEST_GRAINS, MOST_GRAINS),
+            ("first_wave", FEWEST_RUNS, MOST_RUNS),
+            ("second_wave", FEWEST_RUNS, MOST_RUNS),
+            ("plants", FEWEST_PLANTS, MOST_PLANTS),
+            ("seed", 0, LARGEST_SEED),
+        ):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not lowest <= value <= highest:
+                raise InvalidValue(name, value, f"a whole number from {lowest} to {highest}")
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain JSON types only."""
+        return asdict(self)
+
+    @property
+    def request_hash(self) -> str:
+        """SHA-256 of everything that was asked for."""
+        return hashlib.sha256(json.dumps(self.as_record(), sort_keys=True).encode()).hexdigest()
+
+
+# Beside the waves: runs of each condition for the null calibration, for the screen of an effect and for the finer
+# look at the five best. A test counts what a diagnosis really asks for.
+NULL_RUNS, SCREEN_RUNS, REFINE_RUNS = 96, 160, 168
+# Particle-steps per second of one core, and simulated seconds of a pile of so many grains; see docs/core.md.
+RATE, STEPS_OF_A_PILE = 4.5e6, 60_000.0
+
+
+@dataclass(frozen=True)
+class DiagnosisCost:
+    """Simulations and hours of one core, before those that are stored already."""
+
+    runs: int
+    hours: float
+
+    def sentence(self) -> str:
+        """For the one who asked."""
+        if self.hours < 1.0:
+            told = f"{max(round(60.0 * self.hours), 1)} minutes"
+        elif self.hours < 48.0:
+            told = f"{self.hours:.1f} hours"
+        else:
+            told = f"{self.hours / 24.0:.1f} days"
+        return (
+            f"About {self.runs} pile tests, {told} on one core; those that an earlier diagnosis made are "
+            "not made again."
+        )
+
+
+def expected_cost(spec: DiagnosisSpec, conditions: Sequence[Condition]) -> DiagnosisCost:
+    """What a diagnosis of these conditions takes at most. A finer pile takes more and shorter steps."""
+    trained = sum(not c.holdout for c in conditions)
+    held = len(conditions) - trained
+    waves = spec.first_wave + spec.second_wave
+    runs = trained * (waves + NULL_RUNS + SCREEN_RUNS + REFINE_RUNS) + held * (waves + REFINE_RUNS)
+    steps = STEPS_OF_A_PILE * math.cbrt(spec.grains / 600.0)
+    return DiagnosisCost(runs, runs * steps * spec.grains / RATE / 3600.0)
+
+
+@dataclass(frozen=True)
+class Extension:
+    """The model with the named effects: the simulator's version, and of each effect value, unit and ci90."""
+
+    base: str
+    effects: Mapping[str, Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class DiagnosisOutcome:
+    """What a diagnosis says (`results`, the published form and more), the extended model where something is named,
+    and the null calibration that it made, by its key."""
+
+    verdict: str
+    results: Mapping[str, Any]
+    extension: Extension | None = None
+    calibration: tuple[str, Mapping[str, Any]] | None = None
+    artifacts: tuple[Any, ...] = field(default=())

@@ -1,0 +1,100 @@
+"""A measured condition as demcore's pile test: rig, grains, filled mass, how the cylinder went.
+
+Screening is done with coarse piles (diagnosis.md, Budget): sizes are multiplied until the filled mass holds about
+`grains` particles, never below the real size. Lengths m, masses kg, densities kg/m3.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+from demcore.errors import InputError
+from demcore.experiments.contact_parameters import ContactParameters
+from demcore.experiments.pile_case import PileTest
+from demcore.experiments.pile_setting import PileSetting
+from demcore.material import Material, SizeClass, SizeDistribution, load_material, material_names
+from demcore.rig import Rig, load_rig
+from service.domain.data_set.records import Condition, Psd
+from service.domain.search_space import default_values
+
+# A stated size stands for a class of this half width, so that equal grains do not crystallise.
+HALF_WIDTH = 1.1
+# Less of the cylinder than this is no pile test.
+LEAST_FILL = 0.05
+
+
+def measured_pile(
+    condition: Condition, parameters: ContactParameters, grains: int, contact_model: str, seed: int
+) -> PileTest:
+    """The ideal test of a condition. Raises demcore's InputError for what cannot be."""
+    material, rig = material_of(condition), rig_of(condition)
+    full = material.bulk_density * math.pi * rig.cylinder_radius**2 * rig.cylinder_height
+    if not LEAST_FILL * full <= condition.mass_kg <= full:
+        allowed = f"{LEAST_FILL * full:.4g} to {full:.4g} kg, what the cylinder holds at the bulk density"
+        raise InputError("mass_kg", condition.mass_kg, allowed)
+    return PileTest(
+        material,
+        rig,
+        parameters,
+        scale=_scale(condition, material, grains),
+        seed=seed,
+        fill_level=condition.mass_kg / full,
+        lift_speed=condition.lift_speed_m_s if condition.removal == "lift" else None,
+        contact_model=contact_model,
+        setting=PileSetting(drop_height=condition.drop_height_m),
+    )
+
+
+def cannot_simulate(condition: Condition, grains: int, contact_model: str) -> str | None:
+    """Why demcore cannot make the test of a condition; None where it can."""
+    if condition.test != "pile":
+        return "only pile tests are simulated by this model"
+    if condition.material not in material_names():
+        return f"{condition.material!r} is none of {', '.join(material_names())}"
+    try:
+        measured_pile(condition, ContactParameters(**default_values()), grains, contact_model, 0)
+    except InputError as error:
+        return str(error)
+    return None
+
+
+def _scale(condition: Condition, material: Material, grains: int) -> float:
+    """Rounded, so that near masses share their scale."""
+    grain = material.particle_density * math.pi / 6.0 * material.sizes.number_mean_cube
+    return max(round(math.cbrt(condition.mass_kg / grain / grains), 2), 1.0)
+
+
+def rig_of(condition: Condition) -> Rig:
+    """The material's rig with the condition's own dimensions. Raises InputError for a cylinder too wide."""
+    rig = load_rig(condition.material)
+    return replace(
+        rig,
+        base_diameter=condition.base_diameter_m or rig.base_diameter,
+        cylinder_diameter=condition.cylinder_diameter_m or rig.cylinder_diameter,
+        cylinder_height=condition.cylinder_height_m or rig.cylinder_height,
+    )
+
+
+def material_of(condition: Condition) -> Material:
+    """The material with the condition's own sizes and particle density; it packs as the known one does."""
+    material = load_material(condition.material)
+    if condition.psd is not None:
+        material = replace(material, sizes=size_classes(condition.psd))
+    density = condition.particle_density_kg_m3
+    if density is None:
+        return material
+    return replace(material, bulk_density=density * material.packing_fraction, grain_density=density)
+
+
+def size_classes(psd: Psd) -> SizeDistribution:
+    """Classes about the stated sizes (m, mass share), up to the geometric middle between two neighbours."""
+    ordered = sorted((size, share) for size, share in psd if share > 0.0)
+    total = math.fsum(share for _, share in ordered)
+    sizes = [size for size, _ in ordered]
+    between = [math.sqrt(a * b) for a, b in itertools.pairwise(sizes)]
+    lower = [max(d / HALF_WIDTH, edge) for d, edge in zip(sizes, [0.0, *between], strict=True)]
+    upper = [min(d * HALF_WIDTH, edge) for d, edge in zip(sizes, [*between, math.inf], strict=True)]
+    shares = [share / total for _, share in ordered]
+    return SizeDistribution(tuple(map(SizeClass, lower, upper, shares)))

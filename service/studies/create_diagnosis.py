@@ -1,0 +1,75 @@
+"""Store a diagnosis that was asked for, with its job."""
+
+from __future__ import annotations
+
+import uuid
+from dataclasses import asdict
+
+from sqlalchemy import select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from service.db.models import DataSetRow, DiagnosisRow, JobRow
+from service.domain.data_set.stored import from_record
+from service.domain.diagnosis import DiagnosisSpec, expected_cost
+from service.domain.errors import InvalidValue
+from service.domain.measured_pile import cannot_simulate
+from service.domain.states import JobKind
+from service.studies.advance_study import ATTEMPTS
+from service.studies.create_study import KeyReused
+
+
+def create_diagnosis(
+    session: Session, spec: DiagnosisSpec, idempotency_key: str | None = None
+) -> tuple[DiagnosisRow, bool]:
+    """The row, and whether it is new: the same key and request give the stored one again.
+
+    Raises InvalidValue for a data set that is not there, too thin to say anything, or with a condition that the
+    model cannot represent; KeyReused.
+    """
+    data_set = session.get(DataSetRow, spec.data_set)
+    if data_set is None:
+        raise InvalidValue("data_set", spec.data_set, "the id of an uploaded data set")
+    if not data_set.facts["can_be_diagnosed"]:
+        raise InvalidValue("data_set", spec.data_set, " ".join(data_set.facts["sentences"]))
+    stored = _stored(session, idempotency_key, spec)
+    if stored is not None:
+        return stored, False
+    conditions = from_record(data_set.content).conditions
+    for condition in conditions:
+        if (why := cannot_simulate(condition, spec.grains, spec.contact_model)) is not None:
+            allowed = f"conditions that the model can represent: {why}"
+            raise InvalidValue(f"data_set.{condition.condition}", condition.material, allowed)
+    cost = expected_cost(spec, conditions)
+    row = DiagnosisRow(
+        data_set_id=data_set.id,
+        spec=spec.as_record(),
+        cost={**asdict(cost), "text": cost.sentence()},
+        idempotency_key=idempotency_key,
+        request_hash=spec.request_hash,
+    )
+    try:
+        with session.begin_nested():
+            session.add(row)
+            session.flush()
+    except IntegrityError:
+        stored = _stored(session, idempotency_key, spec)
+        if stored is None:
+            raise
+        return stored, False
+    session.add(
+        JobRow(id=str(uuid.uuid4()), kind=JobKind.DIAGNOSE, diagnosis_id=row.id, max_attempts=ATTEMPTS)
+    )
+    session.flush()
+    return row, True
+
+
+def _stored(session: Session, idempotency_key: str | None, spec: DiagnosisSpec) -> DiagnosisRow | None:
+    """The diagnosis of an earlier request with this key; none without one."""
+    if idempotency_key is None:
+        return None
+    found = select(DiagnosisRow).where(DiagnosisRow.idempotency_key == idempotency_key)
+    row = session.scalars(found).one_or_none()
+    if row is not None and row.request_hash != spec.request_hash:
+        raise KeyReused(f"belongs to diagnosis {row.id}, which was asked for otherwise")
+    return row

@@ -1,0 +1,69 @@
+"""Record a finished diagnosis in one transaction: what it says, extended model, null calibration, files."""
+
+from __future__ import annotations
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from service.db.models import ArtifactRow, DiagnosisRow, ModelVersionRow, NullCalibrationRow
+from service.db.queries import Lease
+from service.domain.diagnosis import DiagnosisOutcome, Extension
+from service.domain.outcome import RunCost
+from service.domain.states import DesignState, JobState
+from service.studies.close_run import close_run
+from service.studies.finish_job import finish_job
+from service.studies.move_task import move_task
+
+
+def record_diagnosis(
+    session: Session, lease: Lease, outcome: DiagnosisOutcome, cost: RunCost | None = None
+) -> bool:
+    """False: the lease was lost, nothing is written."""
+    ended = finish_job(session, lease, JobState.DONE)
+    if ended is None or not isinstance(ended.owner, DiagnosisRow):
+        return False
+    diagnosis = ended.owner
+    diagnosis.verdict = outcome.verdict
+    diagnosis.code_version = cost.code_version if cost is not None else None
+    results = dict(outcome.results)
+    if outcome.extension is not None:
+        results["extended_model"] = _extend(session, diagnosis, outcome.extension).name
+    diagnosis.results = results
+    if outcome.calibration is not None:
+        key, content = outcome.calibration
+        if session.get(NullCalibrationRow, key) is None:
+            session.add(NullCalibrationRow(key=key, content=dict(content)))
+    session.add_all(
+        ArtifactRow(
+            diagnosis_id=diagnosis.id,
+            kind=file.kind,
+            file_name=file.file_name,
+            media_type=file.media_type,
+            sha256=file.sha256,
+            size_bytes=file.size_bytes,
+            path=file.path,
+        )
+        for file in outcome.artifacts
+    )
+    move_task(session, diagnosis, DesignState.COMPLETE)
+    close_run(session, lease, "done", cost=cost)
+    return True
+
+
+def _extend(session: Session, diagnosis: DiagnosisRow, extension: Extension) -> ModelVersionRow:
+    """Named after its effects, with a number where the name is taken."""
+    stem = "+".join(["baseline", *extension.effects])
+    taken = session.scalar(
+        select(func.count()).where(
+            (ModelVersionRow.name == stem) | ModelVersionRow.name.startswith(f"{stem}-", autoescape=True)
+        )
+    )
+    row = ModelVersionRow(
+        name=stem if not taken else f"{stem}-{taken + 1}",
+        diagnosis_id=diagnosis.id,
+        base=extension.base,
+        effects={name: dict(effect) for name, effect in extension.effects.items()},
+    )
+    session.add(row)
+    session.flush()
+    return row

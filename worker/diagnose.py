@@ -1,0 +1,163 @@
+"""A data set becomes a diagnosis: verdict, held-out gain, next measurement, extended model.
+
+Every simulated pile is stored by the content of its test before the next one runs. So a diagnosis that was killed,
+stopped or cancelled goes on from them, to the same bits, and another one of the same lab finds them made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+from demcore.errors import Cancelled
+from demcore.experiments.pile_case import PileTest
+from demcore.identity import identity
+from service.db.session import Database
+from service.domain.data_set.records import DataSet
+from service.domain.diagnosis import DiagnosisOutcome, DiagnosisSpec, Extension, expected_cost
+from service.studies.claim_job import DiagnosisClaim
+from service.studies.open_held_out import open_held_out
+from service.studies.stored_runs import find_runs, store_run
+from worker.diagnosis.diagnose import Diagnosis, Options, diagnose
+from worker.diagnosis.gain import held_out_gain, with_gain
+from worker.diagnosis.next_measurement import next_measurements
+from worker.diagnosis.null_calibration import NullCalibration
+from worker.diagnosis.piles import (
+    PileReading,
+    PileSimulator,
+    Runner,
+    reading_as_record,
+    reading_of,
+    run_pile,
+)
+from worker.diagnosis.result import Result
+from worker.diagnosis.simulator import Simulator
+from worker.recovery import persist
+
+# Gets the progress; False: stop.
+Report = Callable[[Mapping[str, Any]], bool]
+OPENED_BEFORE = (
+    "The held-out conditions were opened by an earlier diagnosis: they are no judge any more, and the gain is not "
+    "measured again."
+)
+
+
+class StoredRuns:
+    """Runs tests that are not stored yet, one after the other, and stores each. Raises Cancelled."""
+
+    def __init__(self, database: Database, report: Report, expected: int) -> None:
+        self._database = database
+        self._report = report
+        self._expected = max(expected, 1)
+        self.asked = self.made = 0
+
+    def __call__(self, tests: Sequence[PileTest]) -> list[PileReading]:
+        keys = [identity(test) for test in tests]
+        with self._database.reading() as session:
+            known = {key: reading_of(record) for key, record in find_runs(session, keys).items()}
+        for key, test in zip(keys, tests, strict=True):
+            self.asked += 1
+            if key not in known:
+                known[key] = self._run(key, test)
+            self._tell()
+        return [known[key] for key in keys]
+
+    def _run(self, key: str, test: PileTest) -> PileReading:
+        reading = run_pile(test, lambda _progress: self._report(self._progress()))
+        record = reading_as_record(reading)
+
+        def write(session: Any) -> bool:
+            store_run(session, key, record)
+            return True
+
+        persist(self._database, write)
+        self.made += 1
+        return reading
+
+    def _tell(self) -> None:
+        if not self._report(self._progress()):
+            raise Cancelled
+
+    def _progress(self) -> dict[str, Any]:
+        return {
+            "phase": "diagnose",
+            "fraction": min(self.asked / self._expected, 0.99),
+            "runs": self.asked,
+            "simulated": self.made,
+        }
+
+
+def simulator_of(spec: DiagnosisSpec, runner: Runner) -> Simulator:
+    """The model that a diagnosis asks."""
+    return PileSimulator(runner, spec.grains, spec.contact_model)
+
+
+def evaluate_diagnosis(claim: DiagnosisClaim, report: Report, database: Database) -> DiagnosisOutcome:
+    """Diagnose the claimed data set. Raises Cancelled after a False of `report`."""
+    spec = claim.spec
+    runner = StoredRuns(database, report, expected_cost(spec, claim.data.conditions).runs)
+    simulator = simulator_of(spec, runner)
+    options = Options(
+        first_wave=spec.first_wave, second_wave=spec.second_wave, plants=spec.plants, seed=spec.seed
+    )
+    stored = {
+        key: NullCalibration(key, np.array(found["statistics"])) for key, found in claim.calibrations.items()
+    }
+    found = diagnose(claim.data, simulator, options, stored)
+    result, sentences = _gained(claim, database, simulator, found, options)
+    if found.analysis is not None and found.measured is not None:
+        result = replace(
+            result, next_measurement=next_measurements(found.analysis, found.measured, spec.seed)
+        )
+    result = replace(result, cost={"runs": runner.asked, "simulated": runner.made})
+    calibration = None
+    if result.calibration is not None and result.calibration.key not in claim.calibrations:
+        content = {"statistics": result.calibration.statistics.tolist()}
+        calibration = (result.calibration.key, content)
+    return DiagnosisOutcome(result.verdict, as_results(result, sentences), _extension(result), calibration)
+
+
+def _gained(
+    claim: DiagnosisClaim, database: Database, simulator: Simulator, found: Diagnosis, options: Options
+) -> tuple[Result, tuple[str, ...]]:
+    """The result with its gain on the held-out conditions, which are opened once and only for a named effect."""
+    result = found.result
+    if not result.claims or not _held_out(claim.data):
+        return result, result.sentences
+    may_look: list[bool] = []
+
+    def write(session: Any) -> bool:
+        may_look.append(open_held_out(session, claim.lease))
+        return may_look[-1]
+
+    persist(database, write)
+    if not may_look[-1]:
+        return result, (*result.sentences, OPENED_BEFORE)
+    return with_gain(result, held_out_gain(claim.data, simulator, found, options)), result.sentences
+
+
+def _held_out(data: DataSet) -> bool:
+    return bool(data.held_out.conditions)
+
+
+def as_results(result: Result, sentences: Sequence[str]) -> dict[str, Any]:
+    """The published form, with what a person asks next: limits, sentences, p."""
+    return {
+        **result.as_dict(),
+        "limits": [asdict(limit) for limit in result.limits],
+        "p_value": result.p_value,
+        "sentences": list(sentences),
+    }
+
+
+def _extension(result: Result) -> Extension | None:
+    if not result.claims:
+        return None
+    effects = {
+        claim.effect: {**asdict(claim.amplitude), "inclusion": claim.inclusion, "level": claim.level}
+        for claim in result.claims
+    }
+    return Extension(result.model_version, effects)
