@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -46,5 +47,10 @@ def run_identity(case: Any, program: Any = None) -> str:
 def identity(record: Any) -> str:
     """sha256 over a record and over demcore's own sources: other code may give other bits."""
     text = json.dumps(plain(record), sort_keys=True)
-    code = hash_sources(Path(__file__).parent)
-    return hashlib.sha256(f"{code}\n{text}".encode()).hexdigest()
+    return hashlib.sha256(f"{_own_sources()}\n{text}".encode()).hexdigest()
+
+
+@cache
+def _own_sources() -> str:
+    """Once in a process: the code that runs is the code that was loaded."""
+    return hash_sources(Path(__file__).parent)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,10 +22,14 @@ from service.studies.claim_job import DiagnosisClaim
 from service.studies.open_held_out import open_held_out
 from service.studies.stored_runs import find_runs, store_run
 from worker.diagnosis.diagnose import Diagnosis, Options, diagnose
+from worker.diagnosis.floor import Floor
 from worker.diagnosis.gain import held_out_gain, with_gain
 from worker.diagnosis.next_measurement import next_measurements
 from worker.diagnosis.null_calibration import NullCalibration
-from worker.diagnosis.piles import (
+from worker.diagnosis.result import Result
+from worker.diagnosis.simulator import Simulator
+from worker.pile_floor import pile_floor
+from worker.pile_simulator import (
     PileReading,
     PileSimulator,
     Runner,
@@ -33,8 +37,6 @@ from worker.diagnosis.piles import (
     reading_of,
     run_pile,
 )
-from worker.diagnosis.result import Result
-from worker.diagnosis.simulator import Simulator
 from worker.recovery import persist
 
 # Gets the progress; False: stop.
@@ -90,18 +92,29 @@ class StoredRuns:
         }
 
 
-def simulator_of(spec: DiagnosisSpec, runner: Runner) -> Simulator:
-    """The model that a diagnosis asks."""
-    return PileSimulator(runner, spec.grains, spec.contact_model)
+class Model(NamedTuple):
+    """What a diagnosis asks, and how far it is from a reality that hides nothing."""
+
+    simulator: Simulator
+    floor: Floor
+
+
+def model_of(spec: DiagnosisSpec, runner: Runner) -> Model:
+    """demcore's piles."""
+    return Model(PileSimulator(runner, spec.grains, spec.contact_model), pile_floor())
 
 
 def evaluate_diagnosis(claim: DiagnosisClaim, report: Report, database: Database) -> DiagnosisOutcome:
     """Diagnose the claimed data set. Raises Cancelled after a False of `report`."""
     spec = claim.spec
     runner = StoredRuns(database, report, expected_cost(spec, claim.data.conditions).runs)
-    simulator = simulator_of(spec, runner)
+    simulator, floor = model_of(spec, runner)
     options = Options(
-        first_wave=spec.first_wave, second_wave=spec.second_wave, plants=spec.plants, seed=spec.seed
+        floor=floor,
+        first_wave=spec.first_wave,
+        second_wave=spec.second_wave,
+        plants=spec.plants,
+        seed=spec.seed,
     )
     stored = {
         key: NullCalibration(key, np.array(found["statistics"])) for key, found in claim.calibrations.items()

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from sqlalchemy import select
 
 from service.db.models import DataSetRow, DiagnosisRow, JobRow
 from service.db.session import Database
+from service.domain.data_set.columns import CONDITION_COLUMNS, OBSERVABLES_OF, OBSERVATION_COLUMNS
 from service.domain.data_set.reading import data_set_from_tables
+from service.domain.data_set.records import DataSet, Psd
 from service.domain.diagnosis import DiagnosisSpec
 from service.studies.create_diagnosis import create_diagnosis
 from service.studies.store_data_set import store_data_set
@@ -65,3 +70,29 @@ def data_set(database: Database, data_set_id: int) -> DataSetRow:
 def job_of_diagnosis(database: Database, diagnosis_id: int) -> str:
     with database.reading() as session:
         return session.scalars(select(JobRow.id).where(JobRow.diagnosis_id == diagnosis_id)).one()
+
+
+def as_tables(data: DataSet) -> dict[str, str]:
+    """A data set as the CSV texts that an engineer would upload."""
+    columns = list(CONDITION_COLUMNS)
+    rows = []
+    for c in data.conditions:
+        given = {**asdict(c), "holdout": int(c.holdout), "psd": _sizes(c.psd)}
+        rows.append(["" if given[name] is None else str(given[name]) for name in columns])
+    units = {name: quantity.unit for test in OBSERVABLES_OF.values() for name, quantity in test.items()}
+    observed = [
+        [o.condition, o.replicate, o.observable, repr(o.value), units[o.observable],
+         "" if o.sensor_sd is None else repr(o.sensor_sd)]
+        for o in data.observations
+    ]  # fmt: skip
+    return {CONDITIONS: _csv(columns, rows), OBSERVATIONS: _csv(list(OBSERVATION_COLUMNS), observed)}
+
+
+def _sizes(psd: Psd | None) -> str | None:
+    return None if psd is None else ";".join(f"{size!r}:{share!r}" for size, share in psd)
+
+
+def _csv(columns: list[str], rows: list[list[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text).writerows([columns, *rows])
+    return text.getvalue()

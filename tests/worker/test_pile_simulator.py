@@ -15,7 +15,9 @@ from demcore.experiments.pile_case import PileTest
 from service.domain.data_set.records import Condition
 from service.domain.measured_pile import size_classes
 from worker.diagnosis.library import library
-from worker.diagnosis.piles import (
+from worker.diagnosis.sensors import SENSOR_EFFECTS
+from worker.diagnosis.simulator import Setting
+from worker.pile_simulator import (
     NOTHING,
     OBSERVABLES,
     RINGS,
@@ -27,8 +29,6 @@ from worker.diagnosis.piles import (
     reading_of,
     run_pile,
 )
-from worker.diagnosis.sensors import SENSOR_EFFECTS
-from worker.diagnosis.simulator import Setting
 
 LAB = Condition("lab", "pile", "coke", mass_kg=300.0)
 MIDDLE = (0.5, 0.5, 0.3, 0.3)
@@ -186,7 +186,7 @@ def test_a_test_without_a_pile_tells_nothing(monkeypatch: pytest.MonkeyPatch) ->
     def nothing(*_: object) -> None:
         raise NoResult("nothing lies on the base")
 
-    monkeypatch.setattr("worker.diagnosis.piles.run_pile_test", nothing)
+    monkeypatch.setattr("worker.pile_simulator.run_pile_test", nothing)
     assert run_pile(made(LAB)[0]) is NOTHING
     told = PileSimulator(lambda tests: [NOTHING for _ in tests]).run(LAB, [setting()])
     assert all(np.isnan(v).all() for v in told.values.values())
