@@ -6,8 +6,10 @@ stopped or cancelled goes on from them, to the same bits, and another one of the
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,16 +20,22 @@ from demcore.identity import identity
 from service.db.session import Database
 from service.domain.data_set.records import DataSet
 from service.domain.diagnosis import DiagnosisOutcome, DiagnosisSpec, Extension, expected_cost
+from service.domain.outcome import StoredArtifact
+from service.settings import Settings
 from service.studies.claim_job import DiagnosisClaim
 from service.studies.open_held_out import open_held_out
 from service.studies.stored_runs import find_runs, store_run
+from worker.diagnosis.analysis import expected_theta
+from worker.diagnosis.card import draw_card
 from worker.diagnosis.diagnose import Diagnosis, Options, diagnose
 from worker.diagnosis.floor import Floor
 from worker.diagnosis.gain import held_out_gain, with_gain
 from worker.diagnosis.next_measurement import next_measurements
 from worker.diagnosis.null_calibration import NullCalibration
 from worker.diagnosis.result import Result
+from worker.diagnosis.self_tests import SelfTestOutcome, run_self_tests
 from worker.diagnosis.simulator import Simulator
+from worker.evaluate import store_file
 from worker.pile_floor import pile_floor
 from worker.pile_simulator import (
     PileReading,
@@ -104,7 +112,9 @@ def model_of(spec: DiagnosisSpec, runner: Runner) -> Model:
     return Model(PileSimulator(runner, spec.grains, spec.contact_model), pile_floor())
 
 
-def evaluate_diagnosis(claim: DiagnosisClaim, report: Report, database: Database) -> DiagnosisOutcome:
+def evaluate_diagnosis(
+    claim: DiagnosisClaim, report: Report, database: Database, settings: Settings
+) -> DiagnosisOutcome:
     """Diagnose the claimed data set. Raises Cancelled after a False of `report`."""
     spec = claim.spec
     runner = StoredRuns(database, report, expected_cost(spec, claim.data.conditions).runs)
@@ -121,6 +131,8 @@ def evaluate_diagnosis(claim: DiagnosisClaim, report: Report, database: Database
     }
     found = diagnose(claim.data, simulator, options, stored)
     result, sentences = _gained(claim, database, simulator, found, options)
+    self_tests = _self_tests(simulator, found, options)
+    sentences = (*sentences, *(_failed(test) for test in self_tests if not test.passed))
     if found.analysis is not None and found.measured is not None:
         result = replace(
             result, next_measurement=next_measurements(found.analysis, found.measured, spec.seed)
@@ -130,7 +142,34 @@ def evaluate_diagnosis(claim: DiagnosisClaim, report: Report, database: Database
     if result.calibration is not None and result.calibration.key not in claim.calibrations:
         content = {"statistics": result.calibration.statistics.tolist()}
         calibration = (result.calibration.key, content)
-    return DiagnosisOutcome(result.verdict, as_results(result, sentences), _extension(result), calibration)
+    told = {**as_results(result, sentences), "self_tests": [asdict(test) for test in self_tests]}
+    card = _card(found, result, settings)
+    return DiagnosisOutcome(result.verdict, told, _extension(result), calibration, card)
+
+
+def _self_tests(simulator: Simulator, found: Diagnosis, options: Options) -> tuple[SelfTestOutcome, ...]:
+    """The simulation's own errors at the re-calibrated parameters."""
+    if found.setup is None or found.analysis is None or found.measured is None:
+        return ()
+    theta = expected_theta(found.analysis)
+    model, seed = found.setup.model, options.seed * 1000 + 9 * 10**6
+    return run_self_tests(simulator, found.setup.known, model, found.measured, theta, seed)
+
+
+def _failed(test: SelfTestOutcome) -> str:
+    return (
+        f"The simulation's own error {test.id} moves {test.cell} by {test.shift:.1f} sd of what was measured: "
+        "a cause that looks like it may be the simulation's."
+    )
+
+
+def _card(found: Diagnosis, result: Result, settings: Settings) -> tuple[StoredArtifact, ...]:
+    """The picture that an engineer reads, in the store."""
+    settings.artifacts_dir.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".incoming-", dir=settings.artifacts_dir) as folder:
+        picture = Path(folder) / "card.png"
+        draw_card(found, result, picture)
+        return (store_file(picture, "card", "image/png", settings.artifacts_dir),)
 
 
 def _gained(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from demcore.errors import BlowUp, NeverSettles, NoResult
 from demcore.experiments.contact_parameters import ContactParameters
 from demcore.experiments.pile_case import PileTest
-from demcore.experiments.pile_effects import EFFECTS, with_effects
+from demcore.experiments.pile_effects import EFFECTS, with_effect, with_effects
 from demcore.experiments.pile_result import PileResult
 from demcore.experiments.pile_test import run_pile_test
 from demcore.identity import identity
@@ -160,9 +160,14 @@ class PileSimulator:
     def pile_test(self, condition: Condition, setting: Setting) -> PileTest:
         """The test of one run. Raises demcore's InputError for what cannot be."""
         numbers = dict(zip((p.name for p in self.parameters), setting.parameters, strict=True))
+        own = dict(setting.effects)
+        finer = math.exp(3.0 * own.get("self_coarse_graining", 0.0))
+        grains = round(self.grains * finer * (1.0 - own.get("self_particle_number", 0.0)))
         ideal = measured_pile(
-            condition, ContactParameters(**numbers), self.grains, self.contact_model, setting.seed
+            condition, ContactParameters(**numbers), grains, self.contact_model, setting.seed
         )
+        ideal = replace(ideal, time_step_factor=math.exp(-own.get("self_time_step", 0.0)))
+        ideal = with_effect(ideal, "soft_stiffness", own.get("self_stiffness", 0.0))
         return with_effects(ideal, self._acting(condition, setting))
 
     def _acting(self, condition: Condition, setting: Setting) -> dict[str, float]:

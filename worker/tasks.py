@@ -99,7 +99,9 @@ def simulate_charge(claim: ChargeClaim, attempt: Attempt, watch: Stopwatch) -> W
 
 def diagnose_data(claim: DiagnosisClaim, attempt: Attempt, watch: Stopwatch) -> Write:
     """One diagnosis of a data set."""
-    outcome = diagnose.evaluate_diagnosis(claim, attempt.report, installation.database())
+    outcome = diagnose.evaluate_diagnosis(
+        claim, attempt.report, installation.database(), installation.settings()
+    )
     return partial(record_diagnosis, lease=claim.lease, outcome=outcome, cost=watch.cost())
 
 

@@ -9,11 +9,12 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from service.domain.data_set.records import Condition
 from service.domain.errors import InvalidValue
+from service.domain.outcome import StoredArtifact
 
 CONTACT_MODELS = ("paper", "hertz_mindlin")
 # Grains in a pile against what its run takes: smaller piles scatter more, larger ones take longer.
@@ -64,9 +65,9 @@ class DiagnosisSpec:
         return hashlib.sha256(json.dumps(self.as_record(), sort_keys=True).encode()).hexdigest()
 
 
-# Beside the waves: runs of each condition for the null calibration, for the screen of an effect and for the finer
-# look at the five best. A test counts what a diagnosis really asks for.
-NULL_RUNS, SCREEN_RUNS, REFINE_RUNS = 96, 160, 168
+# Beside the waves: runs of each condition for the null calibration, for the screen of all effects, for the finer
+# look at the five best, and for the simulation's own errors. A test counts what a diagnosis really asks for.
+NULL_RUNS, SCREEN_RUNS, REFINE_RUNS, SELF_RUNS = 96, 160, 168, 120
 # Particle-steps per second of one core, and simulated seconds of a pile of so many grains; see docs/core.md.
 RATE, STEPS_OF_A_PILE = 4.5e6, 60_000.0
 
@@ -97,7 +98,9 @@ def expected_cost(spec: DiagnosisSpec, conditions: Sequence[Condition]) -> Diagn
     trained = sum(not c.holdout for c in conditions)
     held = len(conditions) - trained
     waves = spec.first_wave + spec.second_wave
-    runs = trained * (waves + NULL_RUNS + SCREEN_RUNS + REFINE_RUNS) + held * (waves + REFINE_RUNS)
+    runs = trained * (waves + NULL_RUNS + SCREEN_RUNS + REFINE_RUNS + SELF_RUNS) + held * (
+        waves + REFINE_RUNS
+    )
     steps = STEPS_OF_A_PILE * math.cbrt(spec.grains / 600.0)
     return DiagnosisCost(runs, runs * steps * spec.grains / RATE / 3600.0)
 
@@ -119,4 +122,4 @@ class DiagnosisOutcome:
     results: Mapping[str, Any]
     extension: Extension | None = None
     calibration: tuple[str, Mapping[str, Any]] | None = None
-    artifacts: tuple[Any, ...] = field(default=())
+    artifacts: tuple[StoredArtifact, ...] = ()

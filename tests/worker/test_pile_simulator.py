@@ -203,3 +203,25 @@ def test_a_reading_is_stored_and_read_exactly() -> None:
     assert again.values == pytest.approx(reading.values, nan_ok=True, rel=0.0, abs=0.0)
     assert np.array_equal(again.heights, reading.heights, equal_nan=True)
     assert again.volume == reading.volume
+
+
+def test_the_simulation_s_own_errors_are_settings_of_the_same_pile() -> None:
+    """Half the step, four times the modulus, two thirds of the scale, fewer grains."""
+    baseline, step, stiff, fine, few = made(
+        LAB,
+        setting(),
+        setting(self_time_step=math.log(2.0)),
+        setting(self_stiffness=math.log10(4.0)),
+        setting(self_coarse_graining=math.log(1.5)),
+        setting(self_particle_number=0.2),
+    )
+    assert step.dt == pytest.approx(0.5 * baseline.dt)
+    assert stiff.dt == pytest.approx(0.5 * baseline.dt)
+    assert fine.scale == pytest.approx(baseline.scale / 1.5, rel=0.01)
+    assert few.scale == pytest.approx(baseline.scale / 0.8 ** (1.0 / 3.0), rel=0.01)
+    assert {t.id for t in library().self_tests} == {
+        "self_time_step",
+        "self_stiffness",
+        "self_coarse_graining",
+        "self_particle_number",
+    }
