@@ -8,6 +8,9 @@ from typing import Any
 
 from service.client.rest import Event
 
+# Designs that cost no budget and are another test's, or were known before: no best of this study is among them.
+NOT_OF_THE_BUDGET = ("coarse", "import")
+
 
 @dataclass
 class DesignLine:
@@ -26,6 +29,10 @@ class DesignLine:
     @property
     def is_over(self) -> bool:
         return self.state in ("COMPLETE", "FAILED", "CANCELLED")
+
+    @property
+    def is_of_the_budget(self) -> bool:
+        return self.origin not in NOT_OF_THE_BUDGET
 
 
 @dataclass
@@ -50,12 +57,14 @@ class StudyView:
 
     @property
     def finished(self) -> int:
-        return sum(line.is_over for line in self.designs.values())
+        """Designs of the budget that are over."""
+        return sum(line.is_over and line.is_of_the_budget for line in self.designs.values())
 
     @property
     def best(self) -> DesignLine | None:
-        """The design whose angle is nearest to the target; the first of equals."""
-        seen = [line for line in self.designs.values() if line.angle_deg is not None]
+        """The design of the budget whose angle is nearest to the target; the first of equals."""
+        found = self.designs.values()
+        seen = [line for line in found if line.angle_deg is not None and line.is_of_the_budget]
         return min(seen, key=lambda line: abs((line.angle_deg or 0.0) - self.target_deg), default=None)
 
     def seconds_left(self, now: float) -> float | None:
@@ -64,7 +73,7 @@ class StudyView:
             return 0.0
         if not self.finished:
             return None
-        return (now - self.started) / self.finished * (self.budget - self.finished)
+        return (now - self.started) / self.finished * max(self.budget - self.finished, 0)
 
     def fold(self, event: Event) -> DesignLine | None:
         """Takes the event in; the design that it was about, if any."""

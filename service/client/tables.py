@@ -48,7 +48,8 @@ def plain_line(view: StudyView, line: DesignLine, now: float) -> str:
     tail = "" if best is None else f"  best {best.angle_deg:.2f} (design {best.number})"
     left = view.seconds_left(now)
     tail += "" if left is None else f"  at most {minutes(left)} left"
-    return f"design {line.number:3d}  {values}  {angle}  {status(line)}{tail}"
+    mark = "" if line.is_of_the_budget else f" ({line.origin})"
+    return f"design {line.number:3d}  {values}  {angle}  {status(line)}{mark}{tail}"
 
 
 @dataclass

@@ -113,3 +113,16 @@ def test_the_closing_table_stands_beside_tables_5_to_7() -> None:
     assert rows["error"] == ["2", "1"]
     assert rows["repose angle, repeat 2 (Table 7)"] == ["25.9°", "25.0°"]
     assert rows["repose angle, repeat 3 (Table 7)"] == ["-", "24.4°"]
+
+
+def test_a_coarse_run_is_no_best_and_costs_no_time_of_the_budget(view: StudyView) -> None:
+    coarse = {"number": 1, "x": {}, "state": "COMPLETE", "origin": "coarse", "angle_deg": view.target_deg}
+    view.fold(Event("design_finished", coarse))
+    assert view.best is None
+    assert (view.finished, view.seconds_left(200.0)) == (0, None)
+    for number in range(2, view.budget + 4):
+        own = {**coarse, "number": number, "origin": "doe", "angle_deg": view.target_deg + 2.0}
+        view.fold(Event("design_finished", own))
+    assert view.best is not None
+    assert view.best.number == 2
+    assert view.seconds_left(200.0) == 0.0
