@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,6 +75,10 @@ class Plan:
 
     design: Design
     theta: Mapping[str, Theta]
+
+    @cached_property
+    def ruler(self) -> Ruler:
+        return _ruler(self)
 
 
 def cases(count: int, seed: int) -> Iterator[Case]:
@@ -187,23 +193,38 @@ def expected(c: Condition, theta: Theta, causes: list[Cause]) -> dict[str, float
 
 def signature(plan: Plan, causes: list[Cause]) -> Array:
     """The change by the causes in whitened training means, calibration projected out."""
-    deltas, slopes = [], []
+    deltas = []
+    for c, (names, base, L) in zip(plan.design.training, plan.ruler.scales, strict=True):
+        with_causes = expected(c, plan.theta[c.material], causes)
+        deltas.append(np.linalg.solve(L, np.array([with_causes[n] for n in names]) - base))
+    delta, Q = np.concatenate(deltas), plan.ruler.absorbed
+    return np.asarray(delta - Q @ (Q.T @ delta))
+
+
+class Ruler(NamedTuple):
+    """Of each training condition the observables, their values without a cause and the root of the means' noise;
+    and an orthonormal basis of what the truth's own calibration parameters absorb."""
+
+    scales: list[tuple[list[str], Array, Array]]
+    absorbed: Array
+
+
+def _ruler(plan: Plan) -> Ruler:
+    scales, slopes = [], []
     for c in plan.design.training:
         theta = plan.theta[c.material]
-        base = expected(c, theta, [])
-        names = list(base)
+        values = expected(c, theta, [])
+        names, base = list(values), np.array(list(values.values()))
         sd = np.array([SCATTER[n].sd for n in names]) / np.sqrt(plan.design.replicates)
         L = np.linalg.cholesky(correlation(names) * np.outer(sd, sd))
-        with_causes = expected(c, theta, causes)
-        deltas.append(np.linalg.solve(L, [with_causes[n] - base[n] for n in names]))
+        scales.append((names, base, L))
         J = np.zeros((len(names), 4 * len(plan.theta)))
         place = 4 * list(plan.theta).index(c.material)
         for j in range(4):
             up = expected(c, theta._replace(**{Theta._fields[j]: theta[j] + 0.01}), [])
-            J[:, place + j] = [(up[n] - base[n]) / 0.01 for n in names]
+            J[:, place + j] = (np.array([up[n] for n in names]) - base) / 0.01
         slopes.append(np.linalg.solve(L, J))
-    delta, J = np.concatenate(deltas), np.vstack(slopes)
-    return np.asarray(delta - J @ np.linalg.lstsq(J, delta, rcond=None)[0])
+    return Ruler(scales, np.linalg.qr(np.vstack(slopes))[0])
 
 
 def _scaled(plan: Plan, make: object, largest: float, snr: float) -> float | None:

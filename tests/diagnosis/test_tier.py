@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from service.domain.errors import InvalidValue
-from tests.diagnosis.hider import Case, draw, draw_design
+from tests.diagnosis.hider import Case, Design, draw, draw_design
 from tests.diagnosis.scorer import claims, flagged, right, wrong
 from worker.diagnosis import bench as tier_bench
 from worker.diagnosis.__main__ import main
@@ -22,14 +22,21 @@ from worker.diagnosis.diagnose import Options
 from worker.diagnosis.null_calibration import NullCalibration
 from worker.diagnosis.stand_in import StandIn
 
-# Six nulls and two decoys, six single effects that are strong.
-KINDS = [("null", 0.0)] * 6 + [("decoy", 0.0)] * 2 + [("single", 16.0)] * 6
-FLOOR_PAIRS = 16
+# Four nulls and a decoy, five single effects that are strong and like no other.
+KINDS = [("null", 0.0)] * 4 + [("decoy", 0.0)] + [("single", 16.0)] * 5
+FLOOR_PAIRS = 12
 
 
 @pytest.fixture(scope="module")
 def seed() -> int:
     return secrets.randbelow(10**6)
+
+
+def identifiable(number: int, kind: str, snr: float, design: Design, stream: np.random.Generator) -> Case:
+    """Drawn again while another effect looks like it."""
+    while not (case := draw(number, kind, snr, design, stream)).identifiable:
+        pass
+    return case
 
 
 def played(seed: int) -> list[tuple[Case, dict]]:  # type: ignore[type-arg]
@@ -38,7 +45,7 @@ def played(seed: int) -> list[tuple[Case, dict]]:  # type: ignore[type-arg]
     design = draw_design(np.random.default_rng([seed, 1]))
     found = []
     for number, (kind, snr) in enumerate(KINDS):
-        case = draw(number, kind, snr, design, np.random.default_rng([seed, 2, number]))
+        case = identifiable(number, kind, snr, design, np.random.default_rng([seed, 2, number]))
         result = answer(case.data, simulator, Options(floor=floor, plants=100, seed=number + 1), stored)
         if result.calibration is not None:
             stored[result.calibration.key] = result.calibration
@@ -47,17 +54,17 @@ def played(seed: int) -> list[tuple[Case, dict]]:  # type: ignore[type-arg]
 
 
 def test_a_small_tier_with_fresh_seeds(seed: int) -> None:
-    """Of 8 without effect, named at 1 % each: more than 2 once in 18,000 runs; flagged at 5 %: more than 4 once in
-    60,000. Of 6 strong effects, not one named right at 70 %: once in 1,300; more than 3 wrong at 3 %: never.
+    """Of 5 without effect, named at 1 % each: more than 2 once in 100,000 runs; flagged at 7 %: more than 3 once
+    in 8,000. Of 5 strong effects, none right at 75 %: once in 1,000; more than 2 wrong at 3 %: once in 4,000.
     """
     print(f"seed {seed}")
     pairs = played(seed)
     nulls = [p for p in pairs if p[0].kind != "single"]
     singles = [p for p in pairs if p[0].kind == "single"]
-    assert sum(flagged(a) for _, a in nulls) <= 4, seed
+    assert sum(flagged(a) for _, a in nulls) <= 3, seed
     assert sum(bool(claims(a)) for _, a in nulls) <= 2, seed
     assert any(right(c, a) for c, a in singles), seed
-    assert sum(wrong(c, a) for c, a in singles) <= 3, seed
+    assert sum(wrong(c, a) for c, a in singles) <= 2, seed
 
 
 @pytest.mark.parametrize(

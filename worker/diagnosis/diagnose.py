@@ -15,6 +15,7 @@ from service.domain.data_set.cells import BadCell, BadDataSet
 from service.domain.data_set.columns import CONDITIONS
 from service.domain.data_set.records import Condition, DataSet
 from service.domain.data_set.suitability import suitability
+from service.domain.errors import InvalidValue
 from worker.diagnosis.analysis import Analysis, Setup, analyse, expected_theta
 from worker.diagnosis.calibration import calibrate, linearise
 from worker.diagnosis.cost import Counted
@@ -107,7 +108,8 @@ def diagnose(
     `stored`: null calibrations by their keys, from earlier diagnoses of the same design and library; without one
     of this design the null runs are made, and come back with the result.
 
-    Raises BadDataSet for a condition that the simulator cannot represent.
+    Raises BadDataSet for a condition that the simulator cannot represent, InvalidValue where it gives nothing that
+    was measured.
     """
     options = Options() if options is None else options
     check_represented(data.conditions, simulator)
@@ -117,6 +119,9 @@ def diagnose(
     training = judged.usable.training
     tables, simulator = replicate_tables(training), Counted(simulator)
     measured = measure(training.conditions, tables, stated_sd(training), options.pooled)
+    if not measured.frame.size:
+        why = "Refused: nothing measured scatters between replicates; a misfit is only one against scatter."
+        return Diagnosis(_refused(simulator, (*judged.sentences, why)))
     baseline = build_baseline(simulator, measured, options)
     if baseline.model.coverage < LEAST_COVERAGE:
         share = f"{100 * baseline.model.coverage:.0f} %"
@@ -175,10 +180,17 @@ def first_waves(simulator: Simulator, frame: Frame, options: Options) -> dict[st
 
 
 def build_baseline(simulator: Simulator, measured: Measured, options: Options) -> Baseline:
-    """Two waves: over the box, then about the re-calibrated parameters (rule 3)."""
+    """Two waves: over the box, then about the re-calibrated parameters (rule 3).
+
+    Raises InvalidValue where the simulator gives none of the summaries that were measured.
+    """
     d = len(simulator.parameters)
     runs = first_waves(simulator, measured.frame, options)
     frame = represented(measured.frame, runs)
+    if not frame.size:
+        raise InvalidValue(
+            "observations", "none that the model gives", "at least one that it gives in every run"
+        )
     measured = aligned(measured, frame)
     floor = options.floor.covariance(frame)
     model = build_model(frame, runs, d, options.first_wave)

@@ -13,6 +13,7 @@ is extended although nothing is hidden (`null_95`) comes from draws of the linea
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from worker.diagnosis.fingerprints import REFINED_SEEDS, Prober, scope_of, shrin
 from worker.diagnosis.measured import Measured, measure, replicate_tables, stated_sd
 from worker.diagnosis.model import Model, Runs, build_model, represented, run_effect_free
 from worker.diagnosis.null_calibration import aligned
-from worker.diagnosis.result import LEVELS, Claim, Gain, Result
+from worker.diagnosis.result import LEVELS, Gain, Result
 from worker.diagnosis.simulator import FloatArray, Simulator
 
 NULL_DRAWS = 200
@@ -75,8 +76,24 @@ def held_out_gain(data: DataSet, simulator: Simulator, found: Diagnosis, options
 def with_gain(result: Result, gain: Gain) -> Result:
     """The result with its gain; what is named becomes a claim where the gain is above the null's 95 %."""
     level = LEVELS[1] if gain.log_score > max(gain.null_95, 0.0) else LEVELS[0]
-    claims = tuple(Claim(c.effect, c.effect_class, c.inclusion, c.amplitude, level) for c in result.claims)
-    return Result(**{**result.__dict__, "claims": claims, "gain": gain})
+    claims = tuple(replace(c, level=level) for c in result.claims)
+    return replace(result, claims=claims, gain=gain)
+
+
+def confirmed(result: Result, later: Result) -> Result:
+    """The result with its claims strong where a later diagnosis, of the proposed experiment, names the same class
+    with an amplitude whose 90 % interval meets the first."""
+    strong = {
+        c.effect
+        for c in result.claims
+        for other in later.claims
+        if c.level == LEVELS[1]
+        and other.effect_class == c.effect_class
+        and c.amplitude.ci90[0] <= other.amplitude.ci90[1]
+        and other.amplitude.ci90[0] <= c.amplitude.ci90[1]
+    }
+    claims = tuple(replace(c, level=LEVELS[2]) if c.effect in strong else c for c in result.claims)
+    return replace(result, claims=claims)
 
 
 def named_directions(found: Diagnosis) -> list[int]:

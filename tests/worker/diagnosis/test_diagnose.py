@@ -14,7 +14,7 @@ from service.domain.errors import InvalidValue
 from tests.worker.diagnosis.plants import CHARGES, QUICK, diagnosed, measured
 from worker.diagnosis.cost import estimated_runs
 from worker.diagnosis.diagnose import diagnose
-from worker.diagnosis.gain import held_out_gain, with_gain
+from worker.diagnosis.gain import confirmed, held_out_gain, with_gain
 from worker.diagnosis.identifiability import Plan, identifiability
 from worker.diagnosis.library import library
 from worker.diagnosis.next_measurement import next_measurements
@@ -89,6 +89,17 @@ def test_the_held_out_gain_of_the_right_effect_makes_a_claim() -> None:
     assert with_gain(found.result, weak).claims[0].level == "named"
 
 
+def test_a_later_experiment_that_agrees_makes_a_claim_strong() -> None:
+    data, found = diagnosed(*HIDDEN)
+    claimed = with_gain(found.result, held_out_gain(data, StandIn(), found, QUICK))
+    assert confirmed(claimed, found.result).claims[0].level == "strong claim"
+    assert confirmed(found.result, found.result).claims[0].level == "named"
+    first = found.result.claims[0]
+    far = dataclasses.replace(first.amplitude, ci90=(0.1, 0.2))
+    other = dataclasses.replace(found.result, claims=(dataclasses.replace(first, amplitude=far),))
+    assert confirmed(claimed, other).claims[0].level == "claim"
+
+
 def test_no_gain_of_a_model_that_names_nothing() -> None:
     data, found = diagnosed("belt_speed", 0.0)
     with pytest.raises(InvalidValue, match="gain"):
@@ -111,6 +122,24 @@ def test_thin_data_are_refused_in_words() -> None:
     data = measured({})
     one = diagnose(data.restricted(["P0"]), StandIn(), QUICK).result
     assert one.verdict == "refused" and "one training condition" in one.sentences[-1]
+
+
+def test_without_scatter_or_a_common_observable_there_is_nothing_to_compare() -> None:
+    data = measured({})
+    still = DataSet(data.conditions, tuple(dataclasses.replace(o, value=1.0) for o in data.observations))
+    refused = diagnose(still, StandIn(), QUICK).result
+    assert refused.verdict == "refused" and "scatters" in refused.sentences[-1]
+    with pytest.raises(InvalidValue, match="none that the model gives"):
+        diagnose(data, Mute(), QUICK)
+
+
+class Mute(StandIn):
+    """A model that gives no observable of the tests."""
+
+    def run(self, condition: Condition, settings: Sequence[Setting]) -> Outcomes:
+        return Outcomes(
+            {name: np.full(len(settings), np.nan) for name in super().run(condition, settings).values}
+        )
 
 
 def test_a_condition_that_the_model_cannot_represent_is_named() -> None:
