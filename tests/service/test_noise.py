@@ -12,7 +12,9 @@ from service.db.models import DesignRow, StudyRow
 from service.db.session import Database
 from service.domain.noise import pooled, run_noise, sum_of_squares
 from service.domain.observables import NoiseLevel
+from service.domain.states import JobKind
 from service.domain.study import Response
+from service.studies.read_history import read_history
 from service.studies.read_noise import read_noise
 from tests.builders.studies import a_proposal, a_study, open_jobs, propose_next, simulate
 
@@ -83,3 +85,24 @@ def test_a_row_of_before_responses_were_stored_is_left_out(sqlite_database: Data
         session.execute(update(DesignRow).values(responses=None))
         (noise,) = read_noise(session, session.get_one(StudyRow, study_id))
     assert noise.freedom == 0
+
+
+def test_a_rough_pile_tells_of_its_scatter_before_a_seed_is_repeated(sqlite_database: Database) -> None:
+    """1.8 times the median of the sectors' standard errors, where that is more than the usual .5 deg."""
+    study_id = a_study(sqlite_database, parallel=1)
+    for number, error in enumerate((0.9, 1.2, 3.0, 0.1), start=1):
+        claim = propose_next(sqlite_database, study_id)
+        assert claim.history is not None
+        assert (dict(claim.history.noise) == {}) is (number <= 3)
+        simulate(sqlite_database, open_jobs(sqlite_database, study_id, JobKind.SIMULATE)[0], 20.0 + number)
+        with sqlite_database.writing() as session:
+            latest = update(DesignRow).where(DesignRow.study_id == study_id, DesignRow.number == number)
+            session.execute(latest.values(angle_sd_deg=error))
+    history = propose_next(sqlite_database, study_id).history
+    assert history is not None
+    level = history.noise["angle_deg"]
+    assert (level.sd, level.freedom) == (pytest.approx(1.8 * 1.05), 3)
+    with sqlite_database.writing() as session:
+        session.execute(update(DesignRow).values(angle_sd_deg=0.2))
+        study = session.get_one(StudyRow, study_id)
+        assert read_history(session, study).noise == {}
