@@ -75,6 +75,7 @@ class ChargeResult:
     accounts: tuple[Account, ...]
     section: BeltSection
     jet: JetEnvelope
+    aim: JetEnvelope
     wear: WearMap
     numbers: dict[str, float]
     wall_s: float
@@ -173,8 +174,7 @@ class ChargeResult:
 
     def _belt(self) -> dict[str, Any]:
         heights, shares, sizes = self.section.size_by_height()
-        ridge = int(np.argmin(np.abs(self.jet.levels - self.test.plant.deflector.ridge_height)))
-        far, near_size, far_size = self.jet.split(ridge, self.test.plant.deflector.ridge_across)
+        far, near_size, far_size = self.aim.split(0, self.test.plant.deflector.ridge_across)
         return {
             "belt": {
                 "rate_kg_s": carried_rate(self.accounts, self.numbers["steady_from_s"], self.test),
@@ -188,6 +188,7 @@ class ChargeResult:
             "jet": {
                 "level_m": self.jet.levels.tolist(),
                 "x_5_50_95_m": self.jet.quantiles().tolist(),
+                "at_ridge_x_5_50_95_m": self.aim.quantiles()[0].tolist(),
                 "far_of_ridge": far,
                 "size_near_of_ridge_m": near_size,
                 "size_far_of_ridge_m": far_size,
@@ -293,6 +294,7 @@ def measure_charge(test: ChargeTest, run: CaseRun, plan: ChargePlan) -> ChargeRe
         tuple(plan.accounts),
         plan.section,
         plan.jet,
+        plan.aim,
         plan.wear,
         read,
         run.wall_seconds,

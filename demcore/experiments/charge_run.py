@@ -36,6 +36,8 @@ SECTION_HEIGHT = 0.6
 # The load of the burden on the walls is a mean over the last looks.
 LOAD_LOOKS = 50
 LEVELS = 10
+# The jet is read so far above the ridge, m, and followed on in thought: below, grains rebound from the deflector.
+AIM = 0.3
 
 
 class Account(NamedTuple):
@@ -107,6 +109,8 @@ class ChargePlan:
         levels = np.linspace(lowest, highest, LEVELS)
         levels[np.argmin(np.abs(levels - plant.deflector.ridge_height))] = plant.deflector.ridge_height
         self.jet = JetEnvelope(levels, plant.belt.drum_centre[0], plant.hopper.rim_radius)
+        aimed_at = np.array([plant.deflector.ridge_height + AIM])
+        self.aim = JetEnvelope(aimed_at, plant.belt.drum_centre[0], plant.hopper.rim_radius, AIM)
         self.wear = WearMap()
         self.bowl = bowl_of(plant)
 
@@ -168,7 +172,8 @@ class ChargePlan:
         state = s.particles.state
         interval = run.check_steps * s.dt
         falls = state[state[:, VZ] < -1.0]
-        self.jet.add(falls[:, X : Z + 1], falls[:, VX : VZ + 1], 2.0 * falls[:, R], falls[:, M], interval)
+        for watched in (self.jet, self.aim):
+            watched.add(falls[:, X : Z + 1], falls[:, VX : VZ + 1], 2.0 * falls[:, R], falls[:, M], interval)
         present = walls_at(s.walls, s.step, s.dt)
         self.wear.strike(find_strikes(state, s.walls, present, interval))
         # Never the same grain twice: the window must have run past.
@@ -197,6 +202,7 @@ class ChargePlan:
             "sampled": self.sampled,
             "section": self.section.numbers(),
             "jet": self.jet.numbers(),
+            "aim": self.aim.numbers(),
             "wear": self.wear.numbers(),
         }
 
@@ -207,4 +213,5 @@ class ChargePlan:
             setattr(self, name, numbers[name])
         self.section.restore(numbers["section"])
         self.jet.restore(numbers["jet"])
+        self.aim.restore(numbers["aim"])
         self.wear.restore(numbers["wear"])

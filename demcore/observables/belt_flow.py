@@ -81,10 +81,11 @@ class BeltSection:
 
 
 class JetEnvelope:
-    """Where falling grains pass given heights: `levels` (L,) z, m, on a line from `low` to `high` x, m."""
+    """Where falling grains pass given heights: `levels` (L,) z, m, on a line from `low` to `high` x, m; or where
+    they would be `ahead` m below these if nothing came in their way."""
 
-    def __init__(self, levels: Floats, low: float, high: float) -> None:
-        self.levels, self.low, self.high = levels, low, high
+    def __init__(self, levels: Floats, low: float, high: float, ahead: float = 0.0) -> None:
+        self.levels, self.low, self.high, self.ahead = levels, low, high, ahead
         self.mass = np.zeros((len(levels), math.ceil((high - low) / BIN)))
         self.moment = np.zeros_like(self.mass)
 
@@ -98,7 +99,9 @@ class JetEnvelope:
                 # Back along the parabola: g t^2 / 2 - speed t + below = 0, its earlier root without cancellation.
                 since = 2.0 * below / (speed + np.sqrt(speed**2 - 2.0 * GRAVITY * below))
             passed = (speed > 0.0) & (since >= 0.0) & (since < interval)
-            x = position[passed, 0] - velocity[passed, 0] * since[passed]
+            then = speed[passed] - GRAVITY * since[passed]
+            further = (np.sqrt(then**2 + 2.0 * GRAVITY * self.ahead) - then) / GRAVITY
+            x = position[passed, 0] + velocity[passed, 0] * (further - since[passed])
             column = np.clip(((x - self.low) / BIN).astype(np.int64), 0, self.mass.shape[1] - 1)
             np.add.at(self.mass[k], column, mass[passed])
             np.add.at(self.moment[k], column, mass[passed] * diameter[passed])

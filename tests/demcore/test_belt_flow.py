@@ -65,6 +65,18 @@ def test_every_grain_of_a_steady_fall_passes_each_level_once():
     assert jet.quantiles()[1] == pytest.approx(expected, abs=0.012)
 
 
+def test_a_jet_is_followed_on_in_thought_below_where_it_is_read():
+    """A grain that falls from rest at z = 2 m with 1.5 m/s across: read at .8 m, it would come to .5 m after
+    sqrt(2 1.5 / g) s in all."""
+    aim = JetEnvelope(np.array([0.8]), -1.0, 2.0, ahead=0.3)
+    for k in range(60):
+        t = 0.01 * k
+        position, velocity = [1.5 * t, 0.0, 2.0 - 0.5 * 9.81 * t * t], [1.5, 0.0, -9.81 * t]
+        aim.add(np.array([position]), np.array([velocity]), np.array([0.05]), np.array([2.0]), 0.01)
+    assert aim.mass.sum() == 2.0
+    assert aim.quantiles()[0, 1] == pytest.approx(1.5 * math.sqrt(2.0 * 1.5 / 9.81), abs=0.006)
+
+
 def test_the_split_of_a_jet_beyond_a_place():
     jet = JetEnvelope(np.array([0.0]), -1.0, 1.0)
     position = np.array([[-0.5, 0.0, -0.001], [0.305, 0.0, -0.001], [0.405, 0.0, -0.001]])

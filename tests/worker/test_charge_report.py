@@ -41,7 +41,11 @@ def a_summary(name: str = "coke", **changes: Any) -> dict[str, Any]:
         "findings": found,
         "inputs": {
             "charge": charge,
-            "plant": {"hopper": {"seat_depth": 2.8}, "sources": sources},
+            "plant": {
+                "hopper": {"seat_depth": 2.8},
+                "deflector": {"ridge_across": -0.18},
+                "sources": sources,
+            },
             "replaced": {},
             "rest_seconds": 10.0,
             "numerics": {"may_squeeze": 0.01},
@@ -58,6 +62,7 @@ def a_summary(name: str = "coke", **changes: Any) -> dict[str, Any]:
         "jet": {
             "level_m": [-0.1],
             "x_5_50_95_m": [[-0.3, 0.1, 0.5]],
+            "at_ridge_x_5_50_95_m": [-0.2, -0.1, 0.0],
             "far_of_ridge": 0.6,
             "size_near_of_ridge_m": 0.1,
             "size_far_of_ridge_m": 0.14,
