@@ -19,6 +19,7 @@ from service.api import (
     diagnoses,
     events,
     exports,
+    geometries,
     health,
     jobs,
     materials,
@@ -45,6 +46,7 @@ MODULES = (
     charge_comparison,
     charges,
     diagnoses,
+    geometries,
     jobs,
     health,
 )
@@ -82,6 +84,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     install_handlers(app)
     large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH)
     by_path = dict.fromkeys(large, settings.max_import_bytes)
+    by_path = dict.fromkeys((exports.IMPORT_PATH, geometries.GEOMETRIES_PATH), settings.max_import_bytes)
     app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes, by_path=by_path)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     return app

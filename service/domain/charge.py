@@ -107,7 +107,7 @@ def charge_test(spec: ChargeSpec, store: Path, time_step_factor: float = 1.0) ->
             seed=spec.seed,
             rest_seconds=spec.rest_seconds,
             dormancy=Dormancy() if spec.dormancy else None,
-            time_step_factor=time_step_factor,
+            time_step_factor=float(time_step_factor),
         )
     except InputError as error:
         raise InvalidValue(error.field, error.value, error.allowed) from error

@@ -1,0 +1,56 @@
+"""Meshes that stand for parts of a plant."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Self
+
+from fastapi import APIRouter, Body, Query
+from pydantic import BaseModel, Field
+
+from service.api.dependencies import DatabaseDep, RowId, SettingsDep
+from service.api.problems import problem_responses
+from service.db.models import GeometryRow
+from service.errors import NotFound
+from service.studies.store_geometry import store_geometry
+
+router = APIRouter(prefix="/v1/geometries", tags=["charges"])
+
+GEOMETRIES_PATH = "/v1/geometries"
+FileName = Annotated[str, Query(min_length=1, max_length=100, description="STL, OBJ or PLY by its ending")]
+
+
+class GeometryAnswer(BaseModel):
+    """An uploaded mesh. A charge names it: `{"plant": {"deflector": {"geometry": 1, "units": "mm"}}}`."""
+
+    id: int
+    file_name: str
+    sha256: str
+    size_bytes: int
+    triangles: int
+    extent: dict[str, Any] = Field(description="size in the file's own unit, and whether it is watertight")
+
+    @classmethod
+    def of(cls, row: GeometryRow) -> Self:
+        return cls(**{name: getattr(row, name) for name in cls.model_fields})
+
+
+@router.post("", status_code=201, operation_id="createGeometry", responses=problem_responses(422))
+def post_geometry(
+    content: Annotated[bytes, Body(media_type="application/octet-stream")],
+    file_name: FileName,
+    database: DatabaseDep,
+    settings: SettingsDep,
+) -> GeometryAnswer:
+    """Upload a mesh, the file's bytes as the body. Its unit is said where it is used."""
+    with database.writing() as session:
+        return GeometryAnswer.of(store_geometry(session, settings.geometries_dir, file_name, content))
+
+
+@router.get("/{geometry_id}", operation_id="getGeometry", responses=problem_responses(404, 422))
+def get_geometry(geometry_id: RowId, database: DatabaseDep) -> GeometryAnswer:
+    """One mesh."""
+    with database.reading() as session:
+        row = session.get(GeometryRow, geometry_id)
+        if row is None:
+            raise NotFound(f"There is no geometry {geometry_id}.")
+        return GeometryAnswer.of(row)

@@ -1,0 +1,57 @@
+"""Store an uploaded mesh that may stand for a part of the plant; the same bytes are one geometry."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+import numpy as np
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from demcore.errors import InputError
+from demcore.geometry.mesh_file import FORMATS, load_mesh
+from service.db.models import GeometryRow
+from service.domain.errors import InvalidValue
+
+LONGEST_NAME = 100
+
+
+def store_geometry(session: Session, folder: Path, file_name: str, content: bytes) -> GeometryRow:
+    """The row; `extent` is the size of the mesh in the file's own unit, which the file does not say.
+
+    Raises InvalidValue for another format, a file that cannot be read whole, and a mesh that demcore refuses.
+    """
+    name = Path(file_name).name
+    suffix = Path(name).suffix.lower()
+    if suffix not in FORMATS or len(name) > LONGEST_NAME:
+        raise InvalidValue("file_name", file_name, "a short name that ends in " + ", ".join(FORMATS))
+    sha256 = hashlib.sha256(content).hexdigest()
+    found = session.scalars(select(GeometryRow).where(GeometryRow.sha256 == sha256)).one_or_none()
+    if found is not None:
+        return found
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{sha256}{suffix}"
+    aside = folder / f".incoming-{os.getpid()}-{sha256}{suffix}"
+    aside.write_bytes(content)
+    try:
+        mesh, report = load_mesh(aside, "m")
+    except InputError as error:
+        raise InvalidValue("geometry", name, error.allowed) from error
+    else:
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
+    extent = [float(v) for v in np.ptp(mesh.vertices, axis=0)]
+    row = GeometryRow(
+        file_name=name,
+        sha256=sha256,
+        size_bytes=len(content),
+        triangles=report.triangles,
+        extent={"x": extent[0], "y": extent[1], "z": extent[2], "watertight": report.watertight},
+        path=path.name,
+    )
+    session.add(row)
+    session.flush()
+    return row
