@@ -60,13 +60,18 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(mm=lambda m: "" if m is None else f"{1e3 * m:.0f}", fixed=fixed)
+    made.filters.update(mm=lambda m: "–" if m is None else f"{1e3 * m:.0f}", fixed=fixed, percent=percent)
     return made
 
 
 def fixed(value: float | None, digits: int = 2) -> str:
     """A number to so many digits; a dash for what is not there."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
+def percent(share: float | None, digits: int = 0) -> str:
+    """A share in percent; a dash for what is not there."""
+    return fixed(None if share is None else 100.0 * share, digits)
 
 
 def write_report(summary: Mapping[str, Any], source: Source, pictures: Path, path: Path) -> None:

@@ -146,6 +146,18 @@ def test_it_says_what_was_asked_assumed_found_and_checked(tmp_path: Path) -> Non
         assert said in page, said
 
 
+def test_a_charge_too_short_for_a_steady_belt_has_a_report_too(tmp_path: Path) -> None:
+    """What could not be measured is null in the summary, and a dash on the page."""
+    summary = a_summary(**dict.fromkeys(("variation_of_size", "segregation_intensity", "steady_from_s")))
+    for name in ("rate_kg_s", "kg_per_m", "stratification"):
+        summary["belt"][name] = None
+    summary["belt"]["layer_share"] = [None, None]
+    summary["jet"] |= dict.fromkeys(("far_of_ridge", "size_near_of_ridge_m", "size_far_of_ridge_m"))
+    summary["jet"] |= {"at_ridge_x_5_50_95_m": [None] * 3, "x_5_50_95_m": [[None] * 3]}
+    page = written(tmp_path, summary, ChargeSpec("coke"))
+    assert 'Mean size varies by</td><td class="n">– %' in page
+
+
 def test_what_a_user_wrote_is_escaped(tmp_path: Path) -> None:
     spec = ChargeSpec("coke", parameters_from="<script>alert(1)</script>")
     assert "<script>" not in written(tmp_path, a_summary(), spec)
