@@ -72,7 +72,7 @@ def refused(arguments, capsys):
         (["pellet", "--time-step=-5us"], "time_step"),
         (["pellet", "--time-step", "1ms"], "time_step: got '1ms', allowed is at most"),
         (["pellet", "--lift", "30"], "lift: got '30', allowed is a positive number with its unit"),
-        (["pellet", "--lift", "99m/s"], "lift_speed"),
+        (["pellet", "--lift", "999m/s"], "lift_speed"),
         (["pellet", "--frames", "0s"], "frames"),
         (["pellet", "--frames", "1"], "frames"),
         (["pellet", "--seed", "-1"], "seed"),

@@ -42,6 +42,7 @@ def files(database: Database, charge_id: int) -> dict[str, str]:
         return {artifact.kind: artifact.sha256 for artifact in view.artifacts}
 
 
+@pytest.mark.slow
 def test_a_charge_that_was_stopped_on_its_way_leaves_the_files_of_one_that_was_not(
     worker: InProcessWorker, settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -102,10 +102,10 @@ def diagnosed(worker: InProcessWorker, case: Case) -> dict[str, Any]:
 
 @pytest.mark.usefixtures("stand_in")
 def test_a_hidden_effect_is_found_named_and_its_gain_measured(worker: InProcessWorker) -> None:
-    """Of four strong effects (93 % are named in the analytic tier) one at least: a right implementation fails once
-    in 40,000 runs. What is named wrong is at most one of the four (3 % each)."""
+    """Of three strong effects (93 % are named in the analytic tier) one at least: a right one fails once
+    in 3,000 runs. What is named wrong is at most one of the three (none of 86 in the tier)."""
     right = wrong = 0
-    for _ in range(4):
+    for _ in range(3):
         case = hidden("single", 12.0)
         found = diagnosed(worker, case)
         names = {claim["effect"] for claim in found["claims"]}

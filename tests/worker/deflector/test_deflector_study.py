@@ -62,6 +62,7 @@ def test_designs_fit_the_plant_and_start_with_the_same_whatever_follows() -> Non
         first_designs(Space(PLANT, (("ridge_along", 5.0, 6.0),)), 1, 3)
 
 
+@pytest.mark.slow
 def test_a_study_gets_better_than_its_first_designs_and_is_repeatable(tmp_path: Path) -> None:
     plan = StudyPlan(designs=16, initial=6)
     runs = [run_study(SPACE, plan, uneven, tmp_path / name) for name in ("a", "b")]
