@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from sqlalchemy.orm import Session
 
-from service.db.models import ArtifactRow, ChargeRow
+from service.db.models import ChargeRow
 from service.db.queries import Lease
 from service.domain.outcome import ChargeMeasurement, RunCost
 from service.domain.states import DesignState, JobState
 from service.studies.close_run import close_run
 from service.studies.finish_job import finish_job
+from service.studies.keep_files import keep_files
 from service.studies.move_task import move_task
 
 
@@ -23,18 +24,7 @@ def record_charge(
     charge = ended.owner
     charge.results = dict(measurement.results)
     charge.code_version = cost.code_version if cost is not None else None
-    session.add_all(
-        ArtifactRow(
-            charge_id=charge.id,
-            kind=artifact.kind,
-            file_name=artifact.file_name,
-            media_type=artifact.media_type,
-            sha256=artifact.sha256,
-            size_bytes=artifact.size_bytes,
-            path=artifact.path,
-        )
-        for artifact in measurement.artifacts
-    )
+    keep_files(session, measurement.artifacts, charge_id=charge.id)
     move_task(session, charge, DesignState.COMPLETE)
     close_run(session, lease, "done", cost=cost)
     return True

@@ -5,13 +5,14 @@ from __future__ import annotations
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from service.db.models import ArtifactRow, DiagnosisRow, ModelVersionRow, NullCalibrationRow
+from service.db.models import DiagnosisRow, ModelVersionRow, NullCalibrationRow
 from service.db.queries import Lease
 from service.domain.diagnosis import DiagnosisOutcome, Extension
 from service.domain.outcome import RunCost
 from service.domain.states import DesignState, JobState
 from service.studies.close_run import close_run
 from service.studies.finish_job import finish_job
+from service.studies.keep_files import keep_files
 from service.studies.move_task import move_task
 
 
@@ -33,18 +34,7 @@ def record_diagnosis(
         key, content = outcome.calibration
         if session.get(NullCalibrationRow, key) is None:
             session.add(NullCalibrationRow(key=key, content=dict(content)))
-    session.add_all(
-        ArtifactRow(
-            diagnosis_id=diagnosis.id,
-            kind=file.kind,
-            file_name=file.file_name,
-            media_type=file.media_type,
-            sha256=file.sha256,
-            size_bytes=file.size_bytes,
-            path=file.path,
-        )
-        for file in outcome.artifacts
-    )
+    keep_files(session, outcome.artifacts, diagnosis_id=diagnosis.id)
     move_task(session, diagnosis, DesignState.COMPLETE)
     close_run(session, lease, "done", cost=cost)
     return True

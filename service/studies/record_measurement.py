@@ -5,7 +5,7 @@ from __future__ import annotations
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import ArtifactRow, DesignRow
+from service.db.models import DesignRow
 from service.db.queries import Lease
 from service.domain.outcome import PileMeasurement, RunCost, judge
 from service.domain.spec_record import spec_from_record
@@ -13,6 +13,7 @@ from service.domain.states import DesignState, JobState, Verdict, require_change
 from service.studies.advance_study import advance_study
 from service.studies.close_run import close_run
 from service.studies.finish_job import finish_job
+from service.studies.keep_files import keep_files
 from service.studies.record_event import record_design_event
 
 
@@ -47,15 +48,4 @@ def record_measurement(
 
 
 def _add_artifacts(session: Session, design: DesignRow, measurement: PileMeasurement) -> None:
-    for artifact in measurement.artifacts:
-        session.add(
-            ArtifactRow(
-                design_id=design.id,
-                kind=artifact.kind,
-                file_name=artifact.file_name,
-                media_type=artifact.media_type,
-                sha256=artifact.sha256,
-                size_bytes=artifact.size_bytes,
-                path=artifact.path,
-            )
-        )
+    keep_files(session, measurement.artifacts, design_id=design.id)
