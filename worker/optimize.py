@@ -30,13 +30,6 @@ def next_design(history: StudyHistory) -> ProposedDesign | StudyStop:
     )
 
 
-def last_words(history: StudyHistory) -> StudyStop | None:
-    """Why the study is over, told with the results that were still out when it stopped; None where the strategy,
-    knowing them, would go on."""
-    answer = next_design(history)
-    return answer if isinstance(answer, StudyStop) else None
-
-
 def recommendation(history: StudyHistory) -> dict[str, Any] | None:
     """The optimum with its figures and `x` by parameter; None when no design has an angle."""
     found = recommend(history.spec, _history(history))

@@ -120,11 +120,11 @@ def propose(claim: Claim, _attempt: Attempt, watch: Stopwatch) -> Write:
 
 
 def recommend(claim: Claim, _attempt: Attempt, watch: Stopwatch) -> Write:
-    """What a study that is over has found."""
+    """What a study that stopped has found, and whether it would still stop."""
     assert claim.history is not None
-    found, stop = optimize.recommendation(claim.history), optimize.last_words(claim.history)
+    found, answer = optimize.recommendation(claim.history), optimize.next_design(claim.history)
     return partial(
-        record_recommendation, lease=claim.lease, recommendation=found, stop=stop, cost=watch.cost()
+        record_recommendation, lease=claim.lease, recommendation=found, answer=answer, cost=watch.cost()
     )
 
 

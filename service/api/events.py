@@ -75,8 +75,8 @@ async def follow_study(
     """Everything that happened since Last-Event-ID, then what happens next, until the study is over.
 
     Events: study_created, study_imported, study_paused, study_resumed, budget_extended, design_proposed,
-    design_started, design_returned, design_finished, study_stopping, study_finished, report_written; between
-    them `progress` (without an id) of the simulations that run.
+    design_started, design_returned, design_finished, study_stopping, study_goes_on (the last results took the stop
+    back), study_finished, report_written; between them `progress` (without an id) of the simulations that run.
     """
     look, after = stream
     async for item in follow(look, after):

@@ -83,7 +83,8 @@ ALLOWED_CHANGES: Mapping[State, frozenset[State]] = {
         {StudyState.PAUSED, StudyState.FINISHING, StudyState.CANCELLING, StudyState.FAILED}
     ),
     StudyState.PAUSED: frozenset({StudyState.RUNNING, StudyState.CANCELLING, StudyState.FAILED}),
-    # FINISHING -> RUNNING: more budget came before the recommendation was made.
+    # FINISHING -> RUNNING: more budget came before the recommendation was made, or the last results took the
+    # reason to stop back.
     StudyState.FINISHING: frozenset(
         {StudyState.RUNNING, StudyState.CANCELLING, StudyState.COMPLETED, StudyState.FAILED}
     ),

@@ -12,9 +12,13 @@ from sqlalchemy import exists, func, select
 from sqlalchemy.orm import Session
 
 from service.db import queries
-from service.db.models import DesignRow, JobRow, StudyRow
+from service.db.models import DesignRow, JobRow, ProposalRow, StudyRow
 from service.domain.states import OPEN_DESIGNS, OPEN_JOBS, DesignState, JobKind, StudyState, require_change
 from service.studies.record_event import record_study_event
+
+# Stops that results in flight can take back: not the user's, nor a spent budget that was extended, nor what
+# only paused.
+REVISABLE = ("certified", "futile", "target_unreachable", "design_complete")
 
 # The first attempt and two more after a lost worker or a want of memory (calibration.md, decision 3).
 ATTEMPTS = 3
@@ -63,10 +67,11 @@ def next_number(session: Session, study_id: int) -> int:
 def last_seen(session: Session, study: StudyRow, number: int) -> int:
     """The last design whose result the proposal of design `number`, the next one, waits for and sees.
 
-    Once the budget is spent there is only the stop to decide, and that sees every result.
+    Once the budget is spent there is only the stop to decide, and that sees every result. So does the decision
+    after a stop that the last results took back: with fewer it would stop again.
     """
-    is_spent = spent(session, study) >= study.budget
-    return number - (1 if is_spent else int(study.spec["parallel"]))
+    sees_all = spent(session, study) >= study.budget or _was_taken_back(session, study.id, number)
+    return number - (1 if sees_all else int(study.spec["parallel"]))
 
 
 def spent(session: Session, study: StudyRow) -> int:
@@ -85,6 +90,16 @@ def _is_due(session: Session, study: StudyRow) -> bool:
         DesignRow.study_id == study.id, DesignRow.number <= basis, DesignRow.state.in_(OPEN_DESIGNS)
     )
     return not session.scalar(select(waits))
+
+
+def _was_taken_back(session: Session, study_id: int, number: int) -> bool:
+    """Whether the study stopped once instead of proposing design `number`."""
+    stopped = exists().where(
+        ProposalRow.study_id == study_id,
+        ProposalRow.number == number,
+        ProposalRow.stop_reason.in_(REVISABLE),
+    )
+    return bool(session.scalar(select(stopped)))
 
 
 def _has_open(session: Session, study: StudyRow, kind: JobKind | None = None) -> bool:

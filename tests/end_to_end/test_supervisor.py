@@ -21,7 +21,7 @@ from service.installation_lock import find_running
 from service.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]
-START_SECONDS = 60.0
+START_SECONDS = 180.0
 # The kernels are compiled at a worker's first start, and every core may be busy.
 WORKER_SECONDS = 240.0
 

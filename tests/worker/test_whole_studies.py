@@ -32,6 +32,7 @@ from tests.builders.studies import (
     a_proposal,
     a_study,
     designs,
+    event_kinds,
     open_jobs,
     propose_next,
     simulate,
@@ -90,6 +91,7 @@ def played(worker: InProcessWorker, **changes: Any) -> tuple[StudyRow, list[Desi
     assert len(at_scale) <= row.budget
     assert row.recommendation is not None
     assert row.recommendation["x"] in [d.x for d in found if d.angle_deg is not None]
+    assert row.stop_reason != "certified" or row.recommendation["certified"] is True
     with worker.database.reading() as session:
         report = session.scalars(select(ReportRow).where(ReportRow.study_id == study_id)).one()
     assert report.content["enough"] is True
@@ -193,6 +195,35 @@ def test_improve_surrogate_spends_its_budget(at_work: InProcessWorker) -> None:
     row, found = played(at_work, strategy="improve_surrogate")
     assert (row.stop_reason, len(found)) == ("design_complete", 9)
     assert Counter(d.origin for d in found)["model"] >= 3
+
+
+def test_a_certificate_that_the_last_pile_takes_back_is_not_given(at_work: InProcessWorker) -> None:
+    asked: dict[str, Any] = {"budget": 16, "parallel": 3}
+    row, found = played(at_work, **asked)
+    assert row.stop_reason == "certified"
+    with at_work.database.reading() as session:
+        stop = session.scalars(select(ProposalRow).where(ProposalRow.stop_reason == "certified")).one()
+    last = found[-1]
+    assert stop.basis < last.number, "the stop did not wait for its last piles"
+
+    def slumped(claim: Claim, report: Report, settings: Settings) -> PileMeasurement:
+        """The last pile of the winner slid."""
+        if (claim.x, claim.seed) == (tuple(last.x.values()), last.seed):
+            return a_measurement(20.0)
+        return pile(claim, report, settings)
+
+    at_work.evaluate_by(slumped)
+    row, more = played(at_work, **asked)
+    assert [d.x for d in more[: len(found)]] == [d.x for d in found]
+    assert len(more) > len(found)
+    kinds = event_kinds(at_work.database, row.id)
+    assert kinds.count("study_goes_on") == kinds.count("study_stopping") - 1 >= 1
+    with at_work.database.reading() as session:
+        proposals = select(ProposalRow).where(
+            ProposalRow.study_id == row.id, ProposalRow.number == stop.number
+        )
+        told = [(p.basis, p.stop_reason) for p in session.scalars(proposals.order_by(ProposalRow.id))]
+    assert told == [(stop.basis, "certified"), (stop.number - 1, None)]
 
 
 def test_auto_with_coarse_runs_first(at_work: InProcessWorker) -> None:

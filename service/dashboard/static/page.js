@@ -7,8 +7,8 @@ import { listenToControls } from "./controls.js";
 import { applyParts, applyProgress } from "./parts.js";
 
 const EVENTS = [
-  "study_created", "study_paused", "study_resumed", "budget_extended", "study_stopping", "study_finished",
-  "report_written",
+  "study_created", "study_paused", "study_resumed", "budget_extended", "study_stopping", "study_goes_on",
+  "study_finished", "report_written",
   "design_proposed", "design_started", "design_returned", "design_finished",
 ];
 const GATHER_MS = 120; // events come in bursts: one question for all of them
