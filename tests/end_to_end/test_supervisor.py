@@ -114,11 +114,13 @@ def served(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Served]:
     """Started with as many workers as the test's parameter says (default none), and ended with the test."""
     workers = getattr(request, "param", 0)
     one = Served(Settings(data_dir=tmp_path / "data", port=free_port(), workers=workers))
-    one.start_and_wait()
-    yield one
-    assert one.process is not None
-    if one.process.poll() is None:
-        one.end()
+    try:
+        one.start_and_wait()
+        yield one
+    finally:
+        # Also where it never came: nothing may go on running after its test.
+        if one.process is not None and one.process.poll() is None:
+            one.end()
 
 
 def is_gone(pid: int) -> bool:
