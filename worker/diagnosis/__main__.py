@@ -6,6 +6,8 @@ import json
 import secrets
 import sys
 
+from threadpoolctl import threadpool_limits
+
 from service.domain.errors import InvalidValue
 from worker.diagnosis.bench import HEADER, Report, as_line, bench
 from worker.diagnosis.result import Result
@@ -31,7 +33,9 @@ def main(arguments: list[str] | None = None) -> int:
     seed = secrets.randbelow(10**6) if chosen.seed is None else chosen.seed
     compared = chosen.cases // 5 if chosen.ablations is None else min(chosen.ablations, chosen.cases)
     try:
-        report = bench(chosen.cases, seed, compared, _progress)
+        # Small matrices: more threads of the linear algebra cost four times the processor time.
+        with threadpool_limits(1):
+            report = bench(chosen.cases, seed, compared, _progress)
     except InvalidValue as error:
         print(error, file=sys.stderr)
         return 2

@@ -9,6 +9,8 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn
 
+from threadpoolctl import threadpool_limits
+
 from worker.optimizer.bench import HEADER, Bench, as_line, bench, methods
 from worker.optimizer.synthetic import NOISE_SD_DEG, SyntheticRig
 
@@ -57,7 +59,9 @@ def parser() -> OneLineParser:
 def main(arguments: list[str] | None = None) -> int:
     chosen = parser().parse_args(arguments)
     options = Bench(chosen.seeds, chosen.first_seed, chosen.parallel, SyntheticRig(chosen.noise))
-    rows = bench(options, chosen.method)
+    # Small matrices: a second thread of the linear algebra only waits, and costs as much again.
+    with threadpool_limits(1):
+        rows = bench(options, chosen.method)
     if chosen.json:
         print(json.dumps([row.as_dict() for row in rows], indent=1))
         return 0
