@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import statistics
-
 from sqlalchemy import select
 from sqlalchemy.orm import Session, defer
 
 from service.db.models import DesignRow, StudyRow
 from service.domain.history import FinishedDesign, PendingDesign, StudyHistory
-from service.domain.observables import ANGLE, OBSERVABLES, NoiseLevel
+from service.domain.noise import expected_of_sectors
+from service.domain.observables import ANGLE, NoiseLevel
 from service.domain.spec_record import spec_from_record
 from service.domain.states import DesignState, is_over
 from service.domain.study import StudySpec
 from service.studies.advance_study import last_seen, next_number
 from service.studies.warm_start import pooled_noise, read_warm_start
-
-# Runs scatter more than the sectors of one pile let expect, since neighbouring sectors are not independent: the sd
-# between seeds over the standard error was 2.3 (coke, scale 3.2: 4.1 deg), 2.2 (sinter, scale 4: 2.4) and 1.5
-# (pellet, scale 1.7: .83). Worth three degrees of freedom, it keeps seeds that happen to agree from certifying a
-# coarse pile: four of sinter lay within .6 deg, three others 4.7 deg higher.
-SECTOR_FACTOR, SECTOR_FREEDOM = 1.8, 3
-FEWEST_RUNS = 3
 
 
 def read_history(session: Session, study: StudyRow) -> StudyHistory:
@@ -68,12 +60,8 @@ def _history(session: Session, study: StudyRow, number: int, basis: int) -> Stud
 
 def _expected_noise(spec: StudySpec, seen: list[DesignRow]) -> dict[str, NoiseLevel]:
     """Of the angle, from what single runs tell of themselves; nothing before a few have."""
-    errors = [row.angle_sd_deg for row in seen if row.scale == spec.scale and row.angle_sd_deg is not None]
-    if len(errors) < FEWEST_RUNS:
-        return {}
-    expected = SECTOR_FACTOR * statistics.median(errors)
-    usual = OBSERVABLES[ANGLE].noise_sd
-    return {} if usual is None or expected <= usual else {ANGLE: NoiseLevel(expected, SECTOR_FREEDOM)}
+    expected = expected_of_sectors(row.angle_sd_deg for row in seen if row.scale == spec.scale)
+    return {} if expected is None else {ANGLE: expected}
 
 
 def _key(row: DesignRow) -> tuple[str, float, int]:

@@ -10,7 +10,7 @@ from sqlalchemy import update
 
 from service.db.models import DesignRow, StudyRow
 from service.db.session import Database
-from service.domain.noise import pooled, run_noise, sum_of_squares
+from service.domain.noise import expected_of_sectors, pooled, run_noise, sum_of_squares
 from service.domain.observables import NoiseLevel
 from service.domain.states import JobKind
 from service.domain.study import Response
@@ -42,6 +42,40 @@ def test_without_replicates_it_is_what_is_expected_or_unknown() -> None:
     assert (expected.sd, expected.is_measured) == (0.5, False)
     assert expected.text == "0.5 deg expected, not yet measured"
     assert (unknown.sd, unknown.text) == (None, "not known before a design has run with two seeds")
+
+
+def test_the_sectors_of_coarse_piles_let_expect_more() -> None:
+    """1.8 times the median of 1.0, 1.2, 1.6; two piles tell nothing, and fine ones (.2) no more than any."""
+    found = expected_of_sectors([1.6, None, 1.0, 1.2])
+    assert found is not None
+    assert (found.sd, found.freedom) == (pytest.approx(2.16), 3)
+    told = run_noise(ANGLE, [(30.0,)], None, found)
+    assert (told.sd, told.is_measured) == (pytest.approx(2.16), False)
+    assert told.text == "2.2 deg expected from the sectors of the piles, not yet measured"
+    assert run_noise(ANGLE, [(1.0, 3.0)], None, found).text == "1.4 deg measured (1 degree of freedom)"
+    assert expected_of_sectors([1.6, None, 1.0]) is None
+    assert expected_of_sectors([0.2, 0.2, 0.2]) is None
+
+
+@pytest.mark.parametrize(("error", "sd"), [(1.2, 2.16), (0.1, 0.5)])
+def test_what_sectors_tell_is_what_the_optimizer_expects_and_the_page_says(
+    sqlite_database: Database, error: float, sd: float
+) -> None:
+    study_id = a_study(sqlite_database, parallel=3)
+    for number in (1, 2, 3):
+        propose_next(sqlite_database, study_id, a_proposal(number))
+    for job in open_jobs(sqlite_database, study_id, JobKind.SIMULATE):
+        simulate(sqlite_database, job, 25.0)
+    with sqlite_database.writing() as session:
+        session.execute(update(DesignRow).values(angle_sd_deg=error))
+    with sqlite_database.reading() as session:
+        row = session.get_one(StudyRow, study_id)
+        told = read_history(session, row).noise
+        (shown,) = read_noise(session, row)
+    assert {name: level.sd for name, level in told.items()} == pytest.approx(
+        {} if sd == 0.5 else {"angle_deg": sd}
+    )
+    assert shown.sd == pytest.approx(sd)
 
 
 def test_a_studys_replicates_are_pooled_and_shown(client: TestClient, sqlite_database: Database) -> None:
