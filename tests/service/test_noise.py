@@ -14,7 +14,7 @@ from service.domain.noise import expected_of_sectors, pooled, run_noise, sum_of_
 from service.domain.observables import NoiseLevel
 from service.domain.states import JobKind
 from service.domain.study import Response
-from service.studies.read_history import read_history
+from service.studies.read_history import read_history, read_whole_history
 from service.studies.read_noise import read_noise
 from tests.builders.studies import a_proposal, a_study, open_jobs, propose_next, simulate
 
@@ -70,7 +70,7 @@ def test_what_sectors_tell_is_what_the_optimizer_expects_and_the_page_says(
         session.execute(update(DesignRow).values(angle_sd_deg=error))
     with sqlite_database.reading() as session:
         row = session.get_one(StudyRow, study_id)
-        told = read_history(session, row).noise
+        told = read_whole_history(session, row).noise
         (shown,) = read_noise(session, row)
     assert {name: level.sd for name, level in told.items()} == pytest.approx(
         {} if sd == 0.5 else {"angle_deg": sd}
