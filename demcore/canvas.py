@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from demcore.picture import LIGHT, draw_sphere
+from demcore.picture import LIGHT, draw_sphere, shades
 
 Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]
@@ -28,6 +28,8 @@ GREY: Colour = (140, 146, 156)
 # Edges between faces that turn by more than this are drawn.
 CREASE = math.cos(math.radians(20.0))
 MARGIN = 14
+# Of a colour scale: steps, and pixels of one.
+SCALE_STEPS, STEP_WIDTH = 60, 5
 
 
 class View(NamedTuple):
@@ -129,6 +131,16 @@ class Canvas:
     def strip(self, points: list[tuple[float, float]], colour: Colour, width: int = 2) -> None:
         """A line through pixels."""
         self._draw.line(points, fill=colour, width=width)
+
+    def colour_scale(self, x: int, y: int, name: str, low: float, high: float) -> None:
+        """The scale of `shades` with its ends, from pixel (x, y)."""
+        for k, colour in enumerate(shades(np.linspace(0.0, 1.0, SCALE_STEPS))):
+            red, green, blue = (int(c) for c in colour)
+            self.box(x + STEP_WIDTH * k, y, STEP_WIDTH, 14, (red, green, blue))
+        end = x + STEP_WIDTH * SCALE_STEPS
+        self.words(x, y + 18, f"{low:.3g}", 12)
+        self.words(end - 30, y + 18, f"{high:.3g}", 12)
+        self.words(end + 12, y - 1, name, 13)
 
     def caption(self, frame: Frame, text: str) -> None:
         """The name of a frame and its scale, a metre long."""

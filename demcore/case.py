@@ -57,6 +57,8 @@ class Numerics:
     time_step           preset of the time step: `fast` (loading limit) or `paper` (unloading limit too)
     may_squeeze         share of the particles that may be pressed through a wall, or past a neighbour's surface,
                         before the run counts as blown up: walls and grains are as soft as `youngs_modulus` says
+    skin_share          of the smallest radius: how far the lists of neighbours reach beyond contact; longer lists
+                        against rarer searches, so more where few grains fly fast
     """
 
     residual: float = 0.001
@@ -69,9 +71,11 @@ class Numerics:
     restitution_exponent: float = 0.0
     time_step: str = "fast"
     may_squeeze: float = 0.0
+    skin_share: float = 0.5
 
     def __post_init__(self) -> None:
         within("numerics.may_squeeze", self.may_squeeze, 0.0, 0.1)
+        within("numerics.skin_share", self.skin_share, 0.05, 10.0)
         within("numerics.residual", self.residual, 0.0, 0.1)
         if self.long_term_damping is not None:
             within("numerics.long_term_damping", self.long_term_damping, 0.0, 2.0)

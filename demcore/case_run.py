@@ -35,7 +35,7 @@ from demcore.insertion import fill_region
 from demcore.particles import Floats, Particles, R, X, Z, join, nothing, spheres
 from demcore.rest import RestWatch
 from demcore.sampling import bulk_density, components, draw_mass
-from demcore.simulation import SKIN, Simulation
+from demcore.simulation import Simulation
 
 # Simulated seconds between two looks at the bed: rest, health, history.
 CHECK_INTERVAL = 0.01
@@ -162,7 +162,7 @@ class CaseRun:
             gravity=np.array(case.gravity, float),
             domain=case.domain,
             threaded=threaded,
-            skin=SKIN * case.smallest_radius,
+            skin=case.numerics.skin_share * case.smallest_radius,
             wall_names=tuple(wall.name for wall in case.walls),
             may_squeeze=case.numerics.may_squeeze,
             dormancy=case.dormancy,

@@ -16,7 +16,6 @@ from demcore.feeding import FeedAccount
 from demcore.insertion import LOOSE_FRACTION
 from demcore.particles import VX, VZ, WX, WZ, Floats, M, R, X, Z
 from demcore.rest import RestWatch
-from demcore.simulation import SKIN
 
 
 @dataclass(frozen=True)
@@ -114,6 +113,6 @@ def assumptions(run: CaseRun) -> dict[str, Any]:
         "rest": "never ends early" if watch is None else watch.sentence(),
         "dormancy": "everything is computed" if case.dormancy is None else case.dormancy.sentence(),
         "check_interval_s": CHECK_INTERVAL,
-        "skin_in_smallest_radii": SKIN,
+        "skin_in_smallest_radii": case.numerics.skin_share,
         "seed": case.seed,
     }

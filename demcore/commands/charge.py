@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     run.add_argument("--scale", type=float, default=4.0, help="coarse-graining factor (default 4)")
     run.add_argument("--seed", type=int, default=1)
+    run.add_argument("--feed", help="feed only so long, at the charge's rate: enough to see belt and jet")
     run.add_argument("--rest", default="10s", help="simulated time after the last grain came (default 10s)")
     run.add_argument("--draw", action="store_true", help="only draw the plant from three sides")
     run.add_argument("--estimate", action="store_true", help="only tell what the charge would cost")
@@ -37,8 +39,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def charge(arguments: argparse.Namespace) -> int:
     """Check, draw, tell the cost, run, measure. Everything is checked before a folder is made."""
+    ordered = load_charge(arguments.charge)
+    if arguments.feed is not None:
+        ordered = replace(ordered, duration=parse_quantity("feed", arguments.feed, "time"))
     test = ChargeTest(
-        load_charge(arguments.charge),
+        ordered,
         load_plant(arguments.plant),
         scale=arguments.scale,
         seed=arguments.seed,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from demcore.canvas import FRONT, GREY, INK, SIDE, TOP, Canvas, Colour, fit_frame
 from demcore.experiments.charge_result import ChargeResult
 from demcore.experiments.plant_drawing import draw_walls, jet_line, plant_box
+from demcore.experiments.wear_drawing import draw_wear
 from demcore.observables.belt_flow import CELL
-from demcore.observables.wear import CELL as WEAR_CELL
 from demcore.picture import save_png, shades
 from demcore.plant.surfaces import BELT as BELT_WALL
 from demcore.plant.surfaces import DRUM, LID, SKIRT, belt_profile
@@ -23,7 +23,6 @@ WIDTH = 1500
 GREEN: Colour = (60, 140, 70)
 RED: Colour = (200, 60, 50)
 BLUE: Colour = (40, 110, 190)
-LEGEND_STEPS = 60
 
 
 def by_value(values: Floats) -> tuple[Floats, float, float]:
@@ -56,20 +55,8 @@ def draw_burden(result: ChargeResult, path: Path) -> None:
                     angle = math.radians(pile.azimuth_deg)
                     top = np.array([pile.radius * math.cos(angle), pile.radius * math.sin(angle), 0.0])
                     canvas.label(frame, top, f"pile {n + 1}", RED)
-        _legend(canvas, 750 * k + 20, 1240, name, low, high)
+        canvas.colour_scale(750 * k + 20, 1240, name, low, high)
     save_png(canvas.image, path)
-
-
-def _legend(canvas: Canvas, x: int, y: int, name: str, low: float, high: float) -> None:
-    """A colour scale with its ends."""
-    width = 5
-    for k, colour in enumerate(shades(np.linspace(0.0, 1.0, LEGEND_STEPS))):
-        red, green, blue = (int(c) for c in colour)
-        canvas.box(x + width * k, y, width, 14, (red, green, blue))
-    end = x + width * LEGEND_STEPS
-    canvas.words(x, y + 18, f"{low:.3g}", 12)
-    canvas.words(end - 30, y + 18, f"{high:.3g}", 12)
-    canvas.words(end + 12, y - 1, name, 13)
 
 
 def draw_charge(result: ChargeResult, path: Path) -> None:
@@ -83,7 +70,7 @@ def draw_charge(result: ChargeResult, path: Path) -> None:
         draw_walls(canvas, frame, result.test.plant)
         canvas.line(frame, jet_line(result.test.plant, 0.0), GREEN)
         canvas.caption(frame, view.name)
-    _legend(canvas, 20, 650, "diameter / m", low, high)
+    canvas.colour_scale(20, 650, "diameter / m", low, high)
     save_png(canvas.image, path)
 
 
@@ -153,8 +140,8 @@ def _plot(
 
 
 def _draw_section(canvas: Canvas, result: ChargeResult, x: int, y: int) -> None:
-    """The bed in the trough: cells shaded by mean diameter, the belt below."""
-    section, scale = result.section, 800.0
+    """The bed in the trough: cells shaded by mean diameter, the belt below, as large as the frame takes."""
+    section = result.section
     canvas.words(x + 14, y + 8, "section through the belt, shaded by mean diameter", 14)
     with np.errstate(invalid="ignore", divide="ignore"):
         size = section.moment / section.mass
@@ -162,6 +149,8 @@ def _draw_section(canvas: Canvas, result: ChargeResult, x: int, y: int) -> None:
     if not there.any():
         return
     colours, low, high = by_value(size[there])
+    # Grains that still jump stand high above the bed, and must not stand in the title.
+    scale = min(800.0, 245.0 / (CELL * float(np.argwhere(there)[:, 1].max() + 1)))
     left, ground = x + 40, y + 290
     for (i, j), colour in zip(np.argwhere(there), colours, strict=True):
         red, green, blue = (int(c) for c in colour)
@@ -170,28 +159,7 @@ def _draw_section(canvas: Canvas, result: ChargeResult, x: int, y: int) -> None:
     profile = belt_profile(result.test.plant.belt, 2.0 * result.test.plant.belt.transition_length)
     line = [(left + (a + section.half_width) * scale, ground - h * scale) for a, h in profile.tolist()]
     canvas.strip(line, BLUE, 3)
-    _legend(canvas, x + 40, y + 300, "diameter / m", low, high)
-
-
-def draw_wear(result: ChargeResult, path: Path) -> None:
-    """What the hopper's walls bear: energy of strikes (left) and load (right), a ball for each cell, by orders of
-    magnitude."""
-    canvas = Canvas(WIDTH, 1290)
-    plant = result.test.plant
-    rim, depth = plant.hopper.rim_radius, plant.hopper.seat_depth
-    lower, upper = np.array([-rim, -rim, -depth]), np.array([rim, rim, 0.1])
-    _, place, values = result.wear.rows()
-    columns = (("energy of strikes, log10 J", values[:, 0]), ("load at the end, log10 N", values[:, 2]))
-    for k, (name, value) in enumerate(columns):
-        there = (value > 0.0) & (place[:, 2] < 0.0)
-        colours, low, high = by_value(np.log10(value[there]))
-        for view, corner in ((TOP, (750 * k, 0, 750, 720)), (FRONT, (750 * k, 720, 750, 510))):
-            frame = fit_frame(view, corner, lower, upper)
-            canvas.spheres(frame, place[there], np.full(int(there.sum()), 0.5 * WEAR_CELL), colours)
-            draw_walls(canvas, frame, plant, (LID, SKIRT, BELT_WALL, DRUM))
-            canvas.caption(frame, view.name)
-        _legend(canvas, 750 * k + 20, 1240, name, low, high)
-    save_png(canvas.image, path)
+    canvas.colour_scale(x + 40, y + 300, "diameter / m", low, high)
 
 
 def draw_all(result: ChargeResult, folder: Path) -> None:

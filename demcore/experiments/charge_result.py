@@ -175,6 +175,7 @@ class ChargeResult:
     def _belt(self) -> dict[str, Any]:
         heights, shares, sizes = self.section.size_by_height()
         far, near_size, far_size = self.aim.split(0, self.test.plant.deflector.ridge_across)
+        ridge, beyond = self.aim.beyond(0)
         return {
             "belt": {
                 "rate_kg_s": carried_rate(self.accounts, self.numbers["steady_from_s"], self.test),
@@ -190,6 +191,8 @@ class ChargeResult:
                 "x_5_50_95_m": self.jet.quantiles().tolist(),
                 "at_ridge_x_5_50_95_m": self.aim.quantiles()[0].tolist(),
                 "far_of_ridge": far,
+                "ridge_at_m": ridge.tolist(),
+                "far_of_that_ridge": beyond.tolist(),
                 "size_near_of_ridge_m": near_size,
                 "size_far_of_ridge_m": far_size,
             },

@@ -18,7 +18,6 @@ from demcore.geometry.walls import Wall
 from demcore.plant import jet
 from demcore.region import cylinder
 from demcore.run import OnProgress, Recorder, drive
-from demcore.simulation import SKIN
 
 # The bed on which the rate is taken: grains, and wall-clock seconds to settle and to time it.
 RATE_GRAINS = 600
@@ -51,7 +50,8 @@ def estimate_cost(test: ChargeTest, rate: Rate | None = None) -> Cost:
     """
     start = jet.release(test.plant.belt)
     fastest = math.sqrt(test.plant.belt.speed**2 + 2.0 * 9.81 * (start.z - test.plant.deflector.ridge_height))
-    searches = math.ceil(test.charge.duration * fastest / (0.5 * SKIN * test.case.smallest_radius))
+    half_skin = 0.5 * test.numerics.skin_share * test.case.smallest_radius
+    searches = math.ceil(test.charge.duration * fastest / half_skin)
     return charge_cost(test, measure_rate(test) if rate is None else rate, searches)
 
 

@@ -129,6 +129,18 @@ class JetEnvelope:
         ]
         return float(row[far].sum()) / total, sizes[0], sizes[1]
 
+    def beyond(self, level: int) -> tuple[Floats, Floats]:
+        """x (E,), m, and the share of the mass that passes one level beyond it, from the last x with all of it to
+        the first with none; empty where nothing passed."""
+        row = self.mass[level]
+        total = float(row.sum())
+        if total <= 0.0:
+            return np.zeros(0), np.zeros(0)
+        there = np.flatnonzero(row)
+        edges = np.arange(there[0], there[-1] + 2)
+        share = 1.0 - np.concatenate([[0.0], np.cumsum(row)])[edges] / total
+        return self.low + BIN * edges, np.clip(share, 0.0, 1.0)
+
     def numbers(self) -> dict[str, Any]:
         """State to save, JSON-able."""
         return {"mass": self.mass.tolist(), "moment": self.moment.tolist()}
