@@ -19,6 +19,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from demcore.experiments.charge_findings import compare_findings
 from service.code_version import demcore_hash
 from service.domain.charge import TOLD, ChargeSpec
 
@@ -38,16 +39,6 @@ class Source:
 
     charge_id: int
     spec: ChargeSpec
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that the plant saw, what the charge shows of it, and whether they agree; None: cannot be said."""
-
-    name: str
-    plant: str
-    here: str
-    agrees: bool | None
 
 
 @lru_cache(maxsize=1)
@@ -104,48 +95,6 @@ def write_report(summary: Mapping[str, Any], source: Source, pictures: Path, pat
         )
     )
     path.write_text(text, encoding="utf-8")
-
-
-def compare_findings(summary: Mapping[str, Any]) -> list[Finding]:
-    """The paper's four findings (section 3.2) beside this charge's numbers."""
-    f, is_coke = summary["findings"], summary["inputs"]["charge"]["name"] == "coke"
-    near, far = f["near_height_m"], f["far_height_m"]
-    both = near is not None and far is not None
-    heights = "only one side has a pile"
-    if both:
-        heights = f"far {far:.2f} m, near {near:.2f} m above the seat ({far - near:+.2f} m)"
-    # Similar: the piles differ by less than a tenth of their height.
-    if is_coke:
-        higher = far > near if both else None
-        saw = "the far pile is much higher"
-    else:
-        higher = abs(far - near) < 0.1 * max(far, near) if both else None
-        saw = "the piles have similar heights"
-    sizes = (f["near_size_m"], f["far_size_m"])
-    compared = sizes[0] is not None and sizes[1] is not None
-    told = "only one side has a pile"
-    if compared:
-        told = (
-            f"far {1e3 * sizes[1]:.0f} mm, near {1e3 * sizes[0]:.0f} mm; height and size on the belt correlate by "
-            f"{fixed(summary['belt']['stratification'])}"
-        )
-    causes = f["depressions"]
-    return [
-        Finding("Piles", "two, near and far", f"{f['piles']}", f["piles"] == 2 and both),
-        Finding("Their heights", saw, heights, higher),
-        Finding(
-            "Depressions",
-            "under the deflector and behind the rod",
-            ", ".join(causes) or "none",
-            {"under the deflector", "behind the rod"} <= set(causes),
-        ),
-        Finding(
-            "Segregation",
-            "larger grains in the far pile, smaller in the near one",
-            told,
-            sizes[1] > sizes[0] if compared else None,
-        ),
-    ]
 
 
 def sector_rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:

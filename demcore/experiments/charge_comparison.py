@@ -28,6 +28,10 @@ NUMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "near_height_m": ("m", ("findings", "near_height_m")),
     "far_size_m": ("m", ("findings", "far_size_m")),
     "near_size_m": ("m", ("findings", "near_size_m")),
+    "far_mass_kg": ("kg", ("findings", "far_mass_kg")),
+    "near_mass_kg": ("kg", ("findings", "near_mass_kg")),
+    "far_slope_deg": ("deg", ("findings", "far_slope_deg")),
+    "near_slope_deg": ("deg", ("findings", "near_slope_deg")),
     "far_share_of_mass": ("1", ("far_share_of_mass",)),
     "far_of_ridge": ("1", ("jet", "far_of_ridge")),
     "variation_of_mass": ("1", ("variation_of_mass",)),
@@ -39,6 +43,7 @@ NUMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "bulk_density_kg_m3": ("kg/m3", ("bulk_density_kg_m3",)),
     "level_if_even_m": ("m", ("level_if_even_m",)),
     "mean_diameter_m": ("m", ("mean_diameter_m",)),
+    "lost_kg": ("kg", ("lost_kg",)),
 }
 AZIMUTH, HEIGHT = "azimuth_deg", "height_m"
 

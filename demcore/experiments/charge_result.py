@@ -209,9 +209,9 @@ class ChargeResult:
         }
 
     def findings(self) -> dict[str, Any]:
-        """The paper's four findings (section 3.2) as numbers: piles near and far, their heights above the seat and
-        mean sizes, and the causes of the depressions. Near and far are by the upright plane through axis and
-        hatch."""
+        """The paper's four findings (section 3.2) as numbers: piles near and far, their heights above the seat,
+        mean sizes and slopes, and the causes of the depressions. Near and far are by the upright plane through
+        axis and hatch."""
         meridian, seat = hatch_azimuth(self.test.plant), -self.test.plant.hopper.seat_depth
         sides: dict[str, list[Pile]] = {"near": [], "far": []}
         for pile in self.piles:
@@ -224,6 +224,8 @@ class ChargeResult:
             found[f"{side}_height_m"] = None if chosen is None else chosen.height - seat
             found[f"{side}_size_m"] = None if chosen is None else chosen.size
             found[f"{side}_mass_kg"] = None if chosen is None else chosen.mass
+            slope = None if chosen is None else pile_slope(self.surface, chosen.azimuth_deg, chosen.radius)
+            found[f"{side}_slope_deg"] = slope.angle_deg if slope and slope.directions else None
         return found | {"depressions": sorted({d.cause for d in self.depressions})}
 
 

@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 from PIL import Image
 
+from demcore.experiments.charge_findings import compare_findings
 from service.domain.charge import ChargeSpec
-from worker.charge_report import Source, command_of, compare_findings, fixed, write_report
+from worker.charge_report import Source, command_of, fixed, write_report
 
 SECTORS = 4
 
