@@ -1,4 +1,4 @@
-"""The dashboard's addresses: three pages, and for each the parts of it that change while it is open.
+"""The dashboard's addresses: its pages, and for each the parts of it that change while it is open.
 
 A page is whole without any script. Its script listens to the study's events and then asks for the parts, which
 are drawn by the same templates, so that there is one place that says how a row looks.
@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 
 from demcore.rig import FEWEST_DIAMETERS
+from service.dashboard.charge_page import ChargePage, read_charge_list, read_charge_page
 from service.dashboard.design_page import read_design_page
 from service.dashboard.overview_page import OverviewPage, read_overview
 from service.dashboard.rendering import HEADERS, PageRoute, page, render
@@ -26,6 +27,7 @@ LARGEST_ID = 2**63 - 1
 
 OVERVIEW_PARTS = ("studies", "jobs", "health")
 STUDY_PARTS = ("headline", "used", "now", "best", "known", "controls", "assumptions", "problems")
+CHARGE_PARTS = ("charge_state", "charge_findings", "charge_burden", "charge_series", "charge_files")
 DESIGN_PARTS = ("design_outcome", "design_pile", "design_numbers", "jobs")
 
 Before = Annotated[int | None, Query(ge=1, le=LARGEST_ID)]
@@ -118,6 +120,48 @@ def design_parts(request: Request, design_id: str) -> Response:
     shown = context["page"]
     html = draw_parts(DESIGN_PARTS, **context)
     return parts_answer(shown.cursor, shown.is_over, html, charts=shown.charts)
+
+
+@router.get("/charges")
+def charges(request: Request, before: Before = None) -> Response:
+    """All charges of the hopper."""
+    return page("charges.html", **_read_charges(request, before))
+
+
+@router.get("/charges/parts")
+def charges_parts(request: Request, before: Before = None) -> Response:
+    """What changes on the list of charges."""
+    return parts_answer(0, False, draw_parts(("charges",), **_read_charges(request, before)))
+
+
+@router.get("/charges/{charge_id}")
+def charge(request: Request, charge_id: str) -> Response:
+    """One charge."""
+    return page("charge.html", **_charge_context(_read_charge(request, charge_id)))
+
+
+@router.get("/charges/{charge_id}/parts")
+def charge_parts(request: Request, charge_id: str) -> Response:
+    """What changes on a charge's page."""
+    shown = _read_charge(request, charge_id)
+    return parts_answer(0, shown.is_settled, draw_parts(CHARGE_PARTS, **_charge_context(shown)))
+
+
+def _read_charges(request: Request, before: int | None) -> dict[str, Any]:
+    with database_of(request).reading() as session:
+        return {"listed": read_charge_list(session, before)}
+
+
+def _read_charge(request: Request, charge_id: str) -> ChargePage:
+    with database_of(request).reading() as session:
+        shown = read_charge_page(session, parse_id(charge_id, "charge"))
+    if shown is None:
+        raise NotFound(f"There is no charge {charge_id}.")
+    return shown
+
+
+def _charge_context(shown: ChargePage) -> dict[str, Any]:
+    return {"page": shown, "charge": shown.charge, "jobs": shown.jobs, "names_study": False}
 
 
 def _read_overview(request: Request, before: int | None) -> OverviewPage:

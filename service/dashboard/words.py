@@ -44,6 +44,40 @@ DESIGN_STATES: Mapping[str, Word] = {
     "CANCELLED": Word("cancelled", "Stopped before its end; it counts for nothing."),
 }
 
+CHARGE_STATES: Mapping[str, Word] = {
+    "WAITING": Word("waiting", "Waits for a free worker."),
+    "RUNNING": Word("simulating", "A worker simulates it now."),
+    "COMPLETE": Word("done", "The simulation ended with a burden in the hopper."),
+    "FAILED": Word("error", "The simulation gave no burden to measure."),
+    "CANCELLED": Word("cancelled", "A user stopped it before its end."),
+}
+
+
+@dataclass(frozen=True)
+class NumberWord(Word):
+    """What a number of a charge is; `is_share`: it is told in per cent."""
+
+    is_share: bool = False
+
+
+# In the order of the page; names are demcore's (experiments/charge_comparison.py).
+CHARGE_NUMBERS: Mapping[str, NumberWord] = {
+    "piles": NumberWord("Piles", "heaps that stand out, by sector, by 5 % of the mean thickness or more"),
+    "far_height_m": NumberWord("Far pile", "highest pile away from the belt, above the bell's seat"),
+    "near_height_m": NumberWord("Near pile", "highest pile on the belt's side, above the bell's seat"),
+    "far_size_m": NumberWord("Grains in the far pile", "mean diameter by mass"),
+    "near_size_m": NumberWord("Grains in the near pile", "mean diameter by mass"),
+    "far_slope_deg": NumberWord("Slope of the far pile", "mean over the directions with a free flank"),
+    "near_slope_deg": NumberWord("Slope of the near pile", "mean over the directions with a free flank"),
+    "far_share_of_mass": NumberWord("Mass on the far side", "of the plane through axis and hatch", True),
+    "far_of_ridge": NumberWord("Jet beyond the ridge", "share of the undisturbed jet, by mass", True),
+    "variation_of_mass": NumberWord("Mass by sector varies by", "standard deviation over mean", True),
+    "variation_of_height": NumberWord("Height by sector varies by", "standard deviation over mean", True),
+    "variation_of_size": NumberWord("Size by sector varies by", "standard deviation over mean", True),
+    "segregation_intensity": NumberWord("Segregation", "Danckwerts' intensity over the sectors, 0 to 1"),
+    "stratification": NumberWord("Stratification on the belt", "correlation of a grain's height and size"),
+}
+
 VERDICTS: Mapping[str, Word] = {
     "feasible": Word("in window", "Feasible: the repose angle lies inside the accepted window."),
     "unfeasible": Word("outside", "Unfeasible: the repose angle lies outside the accepted window."),

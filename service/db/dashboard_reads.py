@@ -99,8 +99,10 @@ def changed_designs(session: Session, study_id: int, after: int) -> frozenset[in
     return frozenset(int(row.data["number"]) for row in rows if "number" in row.data)
 
 
-def open_jobs(session: Session, study_id: int | None = None) -> Sequence[OpenJob]:
-    """Running ones first, then the longest waiting; at most MOST_JOBS."""
+def open_jobs(
+    session: Session, study_id: int | None = None, charge_id: int | None = None
+) -> Sequence[OpenJob]:
+    """All, or those of one owner: running ones first, then the longest waiting; at most MOST_JOBS."""
     statement = (
         select(
             JobRow,
@@ -120,6 +122,8 @@ def open_jobs(session: Session, study_id: int | None = None) -> Sequence[OpenJob
     )
     if study_id is not None:
         statement = statement.where(JobRow.study_id == study_id)
+    if charge_id is not None:
+        statement = statement.where(JobRow.charge_id == charge_id)
     return [OpenJob(row[0], row[1], row[2], row[3]) for row in session.execute(statement)]
 
 

@@ -123,7 +123,7 @@ function listen() {
 
 function poll(seconds) {
   showConnection("live");
-  setInterval(() => document.visibilityState === "visible" && soon(), 1000 * seconds);
+  setInterval(() => !isOver && document.visibilityState === "visible" && soon(), 1000 * seconds);
 }
 
 localise();
