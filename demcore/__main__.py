@@ -1,4 +1,4 @@
-"""python -m demcore verify | bench | pile | charge | compare | table7 | mix | mesh: the core without the service.
+"""python -m demcore verify | bench | pile | charge | findings | compare | table7 | mix | mesh.
 
 Bad input ends with one line and exit status 2; a failed verification or simulation with status 1.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from demcore.commands import bench, charge, compare, mesh, mix, pile, table7, verify
+from demcore.commands import bench, charge, compare, findings, mesh, mix, pile, table7, verify
 from demcore.commands.arguments import Parser, UsageError
 from demcore.commands.warning_lines import checkpoint_warnings_as_lines
 from demcore.errors import Cancelled, InputError, SimulationError
@@ -22,7 +22,7 @@ def parser() -> Parser:
     """The command line."""
     top = Parser(prog="python -m demcore", description=__doc__)
     commands = top.add_subparsers(dest="command", required=True)
-    for command in (verify, bench, pile, charge, compare, table7, mix, mesh):
+    for command in (verify, bench, pile, charge, findings, compare, table7, mix, mesh):
         command.add_parser(commands)
     return top
 

@@ -63,7 +63,7 @@ def charge(arguments: argparse.Namespace) -> int:
             print(f"plant drawn: {folder / 'plant.png'}")
             return 0
         print(_coarseness(test) + estimate_cost(test).sentence(), flush=True)
-        result = run_kept(test, run_charge, options, folder, _write)
+        result = run_kept(test, run_charge, options, folder, write_files)
     _tell(result, folder)
     return 0
 
@@ -78,7 +78,8 @@ def _coarseness(test: ChargeTest) -> str:
     )
 
 
-def _write(result: ChargeResult, folder: Path) -> None:
+def write_files(result: ChargeResult, folder: Path) -> None:
+    """Result, pictures and summary; the summary last, so that where it lies a charge is whole."""
     from demcore.experiments.charge_drawing import draw_all
     from demcore.experiments.charge_file import write_charge
     from demcore.output.result_file import without_nan

@@ -33,10 +33,10 @@ def _group(text: str) -> tuple[str, list[dict[str, Any]]]:
     name, sign, folders = text.partition("=")
     if not sign or not name or not folders:
         raise InputError("groups", text, "NAME=FOLDER,FOLDER")
-    return name, [_summary(Path(folder)) for folder in folders.split(",")]
+    return name, [read_summary(Path(folder)) for folder in folders.split(",")]
 
 
-def _summary(folder: Path) -> dict[str, Any]:
+def read_summary(folder: Path) -> dict[str, Any]:
     """What `charge` wrote. Raises InputError where there is none."""
     path = folder / "summary.json"
     try:
