@@ -88,3 +88,16 @@ def test_the_split_of_a_jet_beyond_a_place():
     assert far_size == pytest.approx((0.04 + 2 * 0.08) / 3.0)
     assert math.isnan(JetEnvelope(np.array([0.0]), -1.0, 1.0).split(0, 0.0)[0])
     assert np.isnan(JetEnvelope(np.array([0.0]), -1.0, 1.0).quantiles()).all()
+
+
+def test_the_share_beyond_every_place_of_a_ridge():
+    """1 kg at -.5 m, 1 at .305 and 2 at .405: 1 before them, 3/4 and 2/4 between, 0 beyond."""
+    jet = JetEnvelope(np.array([0.0]), -1.0, 1.0)
+    position = np.array([[-0.5, 0.0, -0.001], [0.305, 0.0, -0.001], [0.405, 0.0, -0.001]])
+    velocity = np.tile([0.0, 0.0, -5.0], (3, 1))
+    jet.add(position, velocity, np.full(3, 0.05), np.array([1.0, 1.0, 2.0]), 0.01)
+    x, share = jet.beyond(0)
+    assert (x[0], share[0]) == pytest.approx((-0.5, 1.0), abs=0.011)
+    assert (x[-1], share[-1]) == pytest.approx((0.41, 0.0))
+    assert np.interp([-0.2, 0.3, 0.35], x, share) == pytest.approx([0.75, 0.75, 0.5])
+    assert all(len(column) == 0 for column in JetEnvelope(np.array([0.0]), -1.0, 1.0).beyond(0))

@@ -76,6 +76,7 @@ def test_a_wrong_case_is_refused_with_the_field(change, field):
         (lambda: a_fill(seed=0.5), "fill.seed"),
         (lambda: Numerics(residual=-0.1), "numerics.residual"),
         (lambda: Numerics(stiffness_ratio=math.nan), "numerics.stiffness_ratio"),
+        (lambda: Numerics(skin_share=0.0), "numerics.skin_share"),
         (lambda: Numerics(time_step="quick"), "numerics.time_step"),
         (lambda: RestCriterion(duration=0.0), "rest.duration"),
         (lambda: RestCriterion(speed_share=-0.1), "rest.speed_share"),

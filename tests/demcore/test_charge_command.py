@@ -28,6 +28,7 @@ def refused(arguments, capsys):
         (["coke", "--scale", "0"], "scale: got 0.0"),
         (["coke", "--scale", "nan"], "scale"),
         (["coke", "--seed", "-1"], "seed"),
+        (["coke", "--feed", "12"], "feed: got '12', allowed is a positive number with its unit"),
         (["coke", "--rest", "10"], "rest: got '10', allowed is a positive number with its unit"),
         (["coke", "--frames", "0s"], "frames"),
         (["coke", "--threads", "0"], "threads"),

@@ -53,6 +53,9 @@ def test_the_burden_is_measured(result):
     assert sum(s["sectors"]["mass"]) == pytest.approx(s["in_hopper_kg"])
     assert 0.0 <= s["far_share_of_mass"] <= 1.0
     assert s["volume_m3"] > 0.0
+    ridge = load_plant().deflector.ridge_across
+    split = np.interp(ridge, s["jet"]["ridge_at_m"], s["jet"]["far_of_that_ridge"])
+    assert split == pytest.approx(s["jet"]["far_of_ridge"], abs=0.1)
     assert s["walls"]["bell"]["load_N"] + s["walls"]["hopper cone"]["load_N"] > 0.5 * 9.81 * s["in_hopper_kg"]
     assert s["walls"]["deflector"]["strikes"] > 0
     # What fell some two metres brought that energy, most of it to the deflector.

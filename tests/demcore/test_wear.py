@@ -8,11 +8,13 @@ import math
 import numpy as np
 import pytest
 
+from demcore.experiments.wear_drawing import plan_map, wall_map
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
 from demcore.insertion import walls_at
 from demcore.observables.wear import CELL, Strike, WearMap, find_loads, find_strikes
 from demcore.particles import spheres
+from demcore.plant.plant_file import load_plant
 from tests.demcore.builders import bed
 from tests.demcore.wall_builders import plate_mesh
 
@@ -76,3 +78,17 @@ def test_a_map_adds_up_by_cell_and_comes_back_from_a_checkpoint():
         assert middle == pytest.approx(np.array([[1.5, 0.5, -0.5], [0.5, 0.5, 0.5]]) * CELL)
         assert values.tolist() == [[5.0, 1.0, 0.0], [3.0, 2.0, 6.0]]
         assert made.by_wall(3).tolist() == [[5.0, 1.0, 0.0], [0.0, 0.0, 0.0], [3.0, 2.0, 6.0]]
+
+
+def test_flat_maps_hold_what_their_walls_bear():
+    """Azimuths of 2 and 182 degrees: the first and the 37th of 72 sectors; the bell's cells add up over height."""
+    names = np.array(["hopper", "hopper cone", "bell", "bell", "belt"])
+    place = np.array(
+        [[1.8, 0.06, -0.55], [-1.5, -0.05, -2.75], [0.55, 0.25, -2.0], [0.55, 0.25, -1.9], [0.55, 0.25, 2.0]]
+    )
+    value = np.array([1.0, 2.0, 3.0, 4.0, 50.0])
+    unrolled = wall_map(load_plant(), names, place, value)
+    assert np.argwhere(unrolled).tolist() == [[0, 22], [36, 0]]
+    assert unrolled[0, 22] == 1.0 and unrolled[36, 0] == 2.0
+    assert plan_map(names, place, value, ("bell", "rod")) == {(5, 2): 7.0}
+    assert plan_map(names, place, value, ("deflector",)) == {}
