@@ -9,21 +9,36 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from demcore.errors import InputError
 from demcore.experiments.charge_comparison import Group, Row, compare
 from demcore.experiments.charge_findings import agreement
+
+# Places of the ridge that are told, x in m, unless nearly everything falls to one side.
+RIDGES = tuple(k / 50.0 for k in range(-25, 26))
+EVERYTHING = 0.9
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Its arguments."""
     run = commands.add_parser("compare", help="charges kept in folders, beside the scatter of their seeds")
     run.add_argument("groups", nargs="+", metavar="NAME=FOLDER,FOLDER", help="where `charge --out` left them")
+    run.add_argument(
+        "--ridges",
+        action="store_true",
+        help="instead: what every place of the deflector's ridge would divide",
+    )
     run.set_defaults(run=compare_charges)
 
 
 def compare_charges(arguments: argparse.Namespace) -> int:
     """Print two tables in Markdown: the paper's findings, and every number with its scatter."""
     groups = dict(_group(text) for text in arguments.groups)
+    if arguments.ridges:
+        for line in ridge_lines(groups):
+            print(line)
+        return 0
     for line in (*finding_lines(groups), "", *number_lines(compare(groups), list(groups))):
         print(line)
     return 0
@@ -71,6 +86,22 @@ def number_lines(rows: Sequence[Row], names: Sequence[str]) -> list[str]:
             cells += [_number(row.difference), _number(row.noise), told]
         lines.append("| " + " | ".join(cells) + " |")
     return lines
+
+
+def ridge_lines(groups: dict[str, list[dict[str, Any]]]) -> list[str]:
+    """A row for each place of the ridge: the share of each group's jet that falls beyond it, mean over its
+    charges. Grains that rebound from the deflector to above where the jet is read count too, a tenth at most."""
+    lines = [f"| ridge at x, m | {' | '.join(groups)} |", "| --- " * (len(groups) + 1) + "|"]
+    for x in RIDGES:
+        shares = [np.mean([_beyond(summary, x) for summary in of]) for of in groups.values()]
+        if any(EVERYTHING > share > 1.0 - EVERYTHING for share in shares):
+            lines.append(f"| {x:+.2f} | " + " | ".join(f"{share:.2f}" for share in shares) + " |")
+    return lines
+
+
+def _beyond(summary: dict[str, Any], x: float) -> float:
+    jet = summary["jet"]
+    return float(np.interp(x, jet["ridge_at_m"], jet["far_of_that_ridge"], left=1.0, right=0.0))
 
 
 def _mean(group: Group) -> str:

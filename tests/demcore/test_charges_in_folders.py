@@ -50,6 +50,25 @@ def test_groups_are_told_with_their_scatter_and_their_difference(tmp_path, capsy
     assert "| Their heights | iron | the piles have similar heights | 1 of 2 |" in told
 
 
+def test_every_place_of_the_ridge_has_its_share_of_each_jet(tmp_path, capsys):
+    """Evenly over .2 m about -.09 m and about -.15 m; at -.24 and at 0 m nearly everything falls to one side."""
+    groups = []
+    for name, middle in (("coke", -0.09), ("iron", -0.15)):
+        folder = a_kept_charge(tmp_path / name)
+        summary = json.loads((folder / "summary.json").read_text())
+        summary["jet"] = {
+            "ridge_at_m": [middle - 0.1, middle + 0.1],
+            "far_of_that_ridge": [1.0, 0.0],
+        }
+        (folder / "summary.json").write_text(json.dumps(summary))
+        groups.append(f"{name}={folder}")
+    assert main(["compare", "--ridges", *groups]) == 0
+    rows = capsys.readouterr().out.splitlines()
+    assert rows[0] == "| ridge at x, m | coke | iron |"
+    assert "| -0.10 | 0.55 | 0.25 |" in rows
+    assert (rows[2], rows[-1]) == ("| -0.22 | 1.00 | 0.85 |", "| -0.02 | 0.15 | 0.00 |")
+
+
 @pytest.mark.parametrize("text", ["coke", "=here", "coke=", "coke=nowhere", "coke={tmp}"])
 def test_what_is_no_group_of_charges_is_one_line(text, tmp_path, capsys):
     (tmp_path / "summary.json").write_text("[1, 2]")
