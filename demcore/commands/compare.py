@@ -17,7 +17,7 @@ from demcore.experiments.charge_findings import agreement
 
 # Places of the ridge that are told, x in m, unless nearly everything falls to one side.
 RIDGES = tuple(k / 50.0 for k in range(-25, 26))
-EVERYTHING = 0.9
+EVERYTHING = 0.85
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

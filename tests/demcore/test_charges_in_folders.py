@@ -51,9 +51,9 @@ def test_groups_are_told_with_their_scatter_and_their_difference(tmp_path, capsy
 
 
 def test_every_place_of_the_ridge_has_its_share_of_each_jet(tmp_path, capsys):
-    """Evenly over .2 m about -.09 m and about -.15 m; at -.24 and at 0 m nearly everything falls to one side."""
+    """Evenly over .2 m about -.096 m and about -.144 m; outside nearly everything falls to one side."""
     groups = []
-    for name, middle in (("coke", -0.09), ("iron", -0.15)):
+    for name, middle in (("coke", -0.096), ("iron", -0.144)):
         folder = a_kept_charge(tmp_path / name)
         summary = json.loads((folder / "summary.json").read_text())
         summary["jet"] = {
@@ -65,8 +65,8 @@ def test_every_place_of_the_ridge_has_its_share_of_each_jet(tmp_path, capsys):
     assert main(["compare", "--ridges", *groups]) == 0
     rows = capsys.readouterr().out.splitlines()
     assert rows[0] == "| ridge at x, m | coke | iron |"
-    assert "| -0.10 | 0.55 | 0.25 |" in rows
-    assert (rows[2], rows[-1]) == ("| -0.22 | 1.00 | 0.85 |", "| -0.02 | 0.15 | 0.00 |")
+    assert "| -0.12 | 0.62 | 0.38 |" in rows
+    assert (rows[2], rows[-1]) == ("| -0.20 | 1.00 | 0.78 |", "| -0.04 | 0.22 | 0.00 |")
 
 
 @pytest.mark.parametrize("text", ["coke", "=here", "coke=", "coke=nowhere", "coke={tmp}"])
