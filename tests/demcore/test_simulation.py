@@ -130,6 +130,19 @@ def test_an_absurd_overlap_is_noticed():
         s.check_overlaps()
 
 
+@pytest.mark.parametrize(("pairs", "is_sound"), [(1, True), (2, False)])
+def test_one_pair_in_a_thousand_may_be_pressed_past_its_surface(pairs, is_sound):
+    s = bed(1500)
+    for k in range(pairs):
+        s.particles.state[2 * k + 1, :3] = s.particles.state[2 * k, :3] + [0.001, 0.0, 0.0]
+    s.advance(1)
+    if is_sound:
+        assert s.check_overlaps() > 1.0
+        return
+    with pytest.raises(BlowUp, match="overlaps"):
+        s.check_overlaps()
+
+
 def test_a_travelling_wall_pushes():
     s = bed(80, walls=[Wall("plane", velocity=(0.0, 0.0, 0.2)), Wall("cylinder", radius=0.06, length=10.0)])
     s.advance(int(1.0 / s.dt))
