@@ -26,7 +26,7 @@ WIDTH, HEIGHT, COLUMN = 1500, 1180, 750
 DECADES = 3.0
 # Of the wall unrolled: sectors round it, place of its left upper corner, and its size, pixels.
 ROUND = 72
-WALL_LEFT, WALL_TOP, WALL_WIDTH, WALL_HEIGHT = 60, 740, 660, 340
+WALL_LEFT, WALL_TOP, WALL_WIDTH, WALL_HEIGHT = 60, 740, 630, 340
 
 
 def draw_wear(result: ChargeResult, path: Path) -> None:

@@ -1,6 +1,7 @@
 """Renews docs/pictures from a service that runs: `python -m tests.browser.take_pictures [--url ...] [--study N]`.
 
-Run it after `make demo` while `make serve` runs, so that the pictures show a real study.
+Run it after `make demo` while `make serve` runs, so that the pictures show a real study; a finished charge is
+shown too. `--only charges` leaves the pictures of studies as they are.
 """
 
 from __future__ import annotations
@@ -71,24 +72,39 @@ def shown_design(url: str, study: int) -> int:
     return int(next((row for row in rows if row["number"] in numbers), rows[0])["id"])
 
 
+def latest_charge(url: str) -> int | None:
+    """The newest charge with results; None: there is none."""
+    items = httpx.get(f"{url}/v1/charges").json()["items"]
+    return next((int(item["id"]) for item in items if item["findings"]), None)
+
+
+def take_studies(browser: Browser, url: str, study: int) -> None:
+    """The overview, a study's page in three ways, and one of its designs."""
+    design = shown_design(url, study)
+    take(browser, f"{url}/", "overview")
+    take(browser, f"{url}/studies/{study}", "study")
+    take(browser, f"{url}/studies/{study}", "study_dark", scheme="dark")
+    take(browser, f"{url}/studies/{study}", "study_phone", PHONE)
+    take(browser, f"{url}/designs/{design}", "design")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--url", default="http://127.0.0.1:8642")
     parser.add_argument("--study", type=int, help="default: the newest that is over")
+    parser.add_argument("--only", choices=("studies", "charges"), help="default: both")
     options = parser.parse_args()
     reason = missing()
     if reason is not None:
         raise SystemExit(reason)
     url = options.url.rstrip("/")
-    study = options.study or latest_study(url)
-    design = shown_design(url, study)
     PICTURES.mkdir(parents=True, exist_ok=True)
     with running_chromium() as browser:
-        take(browser, f"{url}/", "overview")
-        take(browser, f"{url}/studies/{study}", "study")
-        take(browser, f"{url}/studies/{study}", "study_dark", scheme="dark")
-        take(browser, f"{url}/studies/{study}", "study_phone", PHONE)
-        take(browser, f"{url}/designs/{design}", "design")
+        if options.only != "charges":
+            take_studies(browser, url, options.study or latest_study(url))
+        charge = None if options.only == "studies" else latest_charge(url)
+        if charge is not None:
+            take(browser, f"{url}/charges/{charge}", "charge")
 
 
 if __name__ == "__main__":
