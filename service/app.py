@@ -22,13 +22,15 @@ from service.api import (
     geometries,
     health,
     jobs,
+    keys,
     materials,
     reports,
     studies,
 )
+from service.api.authentication import Gate
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
-from service.dashboard import assets, pages
+from service.dashboard import assets, login, pages
 from service.db.session import Database
 from service.logs import configure_logs
 from service.settings import Settings, get_settings
@@ -48,6 +50,7 @@ MODULES = (
     diagnoses,
     geometries,
     jobs,
+    keys,
     health,
 )
 DESCRIPTION = """Calibrates the contact parameters of granular materials: asks a DEM pile test for the repose
@@ -79,13 +82,15 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.database = database
     for module in MODULES:
         app.include_router(module.router)
+    app.include_router(login.router)
     app.include_router(pages.router)
     app.include_router(assets.router)
     install_handlers(app)
-    large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH)
+    large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH, geometries.GEOMETRIES_PATH)
     by_path = dict.fromkeys(large, settings.max_import_bytes)
-    by_path = dict.fromkeys((exports.IMPORT_PATH, geometries.GEOMETRIES_PATH), settings.max_import_bytes)
     app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes, by_path=by_path)
+    # The last one added is the outermost: a body is read of nobody who may not send it.
+    app.add_middleware(Gate, database=database, asks_for_keys=settings.asks_for_keys)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     return app
 
@@ -100,6 +105,14 @@ def _document(app: FastAPI) -> dict[str, Any]:
         schemas = document["components"]["schemas"]
         schemas.update(schema.pop("$defs", {}))
         schemas["ProblemBody"] = schema
+        document["components"]["securitySchemes"] = {
+            "key": {
+                "type": "http",
+                "scheme": "bearer",
+                "description": "a key of the API: `talus keys create`",
+            }
+        }
+        document["security"] = [{"key": []}, {}]
         app.openapi_schema = document
     return app.openapi_schema
 

@@ -22,9 +22,11 @@ from rich.table import Table
 from service.client.charge import COMMANDS as CHARGE_COMMANDS
 from service.client.charge_comparison import compare_command
 from service.client.commands import COMMANDS
+from service.client.keys import keys_command
 from service.client.rest import Client, RefusedError, ServiceAwayError
 from service.client.tables import noise_lines
 from service.code_version import demcore_hash
+from service.first_key import first_key_lines
 from service.settings import StartupError, describe_problems, get_settings
 
 BAD_INPUT = 2
@@ -107,13 +109,16 @@ def diagnose(dataset: Path, as_json: bool, **options: object) -> None:
 
 
 @cli.command()
-def migrate() -> None:
-    """Bring the database to the newest schema."""
+@click.option("--no-key", is_flag=True, help="make no first key")
+def migrate(no_key: bool) -> None:
+    """Bring the database to the newest schema; where keys are asked for and there is none, make the first."""
     from service.db.migrate import upgrade
 
     settings = get_settings()
     settings.data_dir.mkdir(parents=True, exist_ok=True)
     upgrade(settings.resolved_database_url)
+    for line in [] if no_key else first_key_lines(settings):
+        click.echo(line)
 
 
 @cli.command()
@@ -183,7 +188,7 @@ def status(study_id: int | None, only: str | None) -> None:
         click.echo(f"  {name} = {value:g}")
 
 
-for command in (*COMMANDS, *CHARGE_COMMANDS, compare_command):
+for command in (*COMMANDS, keys_command, *CHARGE_COMMANDS, compare_command):
     cli.add_command(command)
 
 

@@ -10,10 +10,13 @@ import os
 import signal
 import socket
 import threading
+import time
 import uuid
+from collections.abc import Callable, Sequence
 
 import structlog
 from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from service.db import queries
 from service.db.presence import report_end, report_presence
@@ -40,6 +43,8 @@ class Dispatcher:
 
     def publish(self) -> int:
         """Publish what needs a message, oldest first; the number published."""
+        if not self._notice_loss():
+            return 0
         with self._database.reading() as session:
             waiting = queries.to_publish(session)
         sent: list[str] = []
@@ -55,6 +60,23 @@ class Dispatcher:
             with self._database.writing() as session:
                 queries.mark_published(session, sent)
         return len(sent)
+
+    def _notice_loss(self) -> bool:
+        """After a restart or a FLUSHALL of the broker every queued job gets a new message; doubles are harmless.
+
+        False: the broker is away.
+        """
+        try:
+            keeps = self._publisher.keeps_messages()
+        except BrokerAway as error:
+            self._tell_broker(str(error))
+            return False
+        if not keeps:
+            with self._database.writing() as session:
+                jobs = queries.forget_publications(session)
+            if jobs:
+                log.warning("the broker lost its messages", jobs=jobs)
+        return True
 
     def reap(self) -> int:
         """Take over every job whose lease ran out; the number taken."""
@@ -91,28 +113,49 @@ class Dispatcher:
 
 
 def run_dispatcher(settings: Settings, stop: threading.Event) -> None:
-    """Pass after pass until `stop` is set. A database or broker that is away is waited for."""
+    """Pass after pass until `stop` is set. A database or broker that is away is waited for.
+
+    Publishing has a thread of its own: a broker that does not answer must not keep a dead worker's job from being
+    noticed.
+    """
     database = Database(settings.resolved_database_url)
     with Publisher(settings.resolved_broker_url) as publisher:
         dispatcher = Dispatcher(database, publisher)
-        passes_per_report = max(1, round(REPORT_EVERY_S / PASS_SECONDS))
-        count = 0
-        while not stop.is_set():
-            try:
-                dispatcher.reap()
-                dispatcher.publish()
-                if count % passes_per_report == 0:
-                    dispatcher.report()
-                count += 1
-            except DBAPIError as error:
-                log.warning("database away", problem=str(error.orig))
-                stop.wait(1.0)
-            stop.wait(PASS_SECONDS)
+        reports = Every(REPORT_EVERY_S, dispatcher.report)
+        publishing = threading.Thread(
+            target=_again_and_again, args=((dispatcher.publish, reports), stop), name="publish"
+        )
+        publishing.start()
+        _again_and_again((dispatcher.reap,), stop)
+        publishing.join()
         try:
             dispatcher.say_goodbye()
         except DBAPIError as error:
             log.warning("database away at the end", problem=str(error.orig))
     database.dispose()
+
+
+class Every:
+    """Calls `action` when it was not called for so many seconds."""
+
+    def __init__(self, seconds: float, action: Callable[[], object]) -> None:
+        self._seconds, self._action, self._due = seconds, action, 0.0
+
+    def __call__(self) -> None:
+        if time.monotonic() >= self._due:
+            self._action()
+            self._due = time.monotonic() + self._seconds
+
+
+def _again_and_again(actions: Sequence[Callable[[], object]], stop: threading.Event) -> None:
+    while not stop.is_set():
+        try:
+            for action in actions:
+                action()
+        except (DBAPIError, PoolTimeout) as error:
+            log.warning("database away", problem=str(error))
+            stop.wait(1.0)
+        stop.wait(PASS_SECONDS)
 
 
 def main() -> None:

@@ -79,6 +79,20 @@ class InvalidRequest(Problem):
         return cls("; ".join(error.sentence() for error in errors[:5]), errors)
 
 
+class Unauthorized(Problem):
+    """No key, or one that is not (any more) known."""
+
+    status = 401
+    title = "Key needed"
+
+
+class Forbidden(Problem):
+    """The key's scope does not include this, or another site's page asks."""
+
+    status = 403
+    title = "Not allowed"
+
+
 class NotFound(Problem):
     """No row has the asked-for id."""
 

@@ -26,6 +26,9 @@ TASK_NAMES = {
     JobKind.DIAGNOSE: "talus.diagnose",
 }
 
+# A key in the broker that goes when its data go.
+NOTE = "talus:published-in"
+
 # A broker that does not answer within this long counts as away.
 SOCKET_TIMEOUT_S = 5.0
 
@@ -58,6 +61,17 @@ class Publisher:
         """Raises BrokerAway; the message may then have been sent nevertheless."""
         with self._connected() as connection:
             self._app.send_task(TASK_NAMES[kind], args=[job_id], connection=connection, retry=False)
+
+    def keeps_messages(self) -> bool:
+        """False where the broker started anew or was emptied since anybody asked last: messages may be lost.
+
+        It keeps a note of which of its starts it was asked in. Raises BrokerAway.
+        """
+        with self._connected() as connection:
+            client = connection.default_channel.client
+            start = str(client.info("server").get("run_id", ""))
+            before = client.set(NOTE, start, get=True)
+        return before is not None and before == start.encode()
 
     def check(self) -> None:
         """Raises BrokerAway unless the broker answers."""

@@ -20,6 +20,8 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 DATABASE_SCHEMES = ("sqlite:///", "postgresql+psycopg://")
 BROKER_SCHEMES = ("redis://", "rediss://", "redis+socket://")
 
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+
 # sockaddr_un.sun_path holds 108 bytes with its closing zero on Linux, 104 on macOS.
 LONGEST_SOCKET_PATH = 103
 
@@ -41,7 +43,11 @@ class Settings(BaseSettings):
     host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
     port: Annotated[int, Field(ge=1, le=65535)] = 8642
     lease_seconds: Annotated[float, Field(ge=1.0, le=600.0)] = 10.0
-    checkpoint_seconds: Annotated[float, Field(ge=1.0, le=3600.0)] = 30.0
+    checkpoint_seconds: Annotated[float, Field(ge=0.1, le=3600.0)] = 30.0
+    disk_pause_seconds: Annotated[
+        float,
+        Field(ge=1.0, le=3600.0, description="a job that found the disk full is tried again after this"),
+    ] = 30.0
     workers: Annotated[int, Field(ge=0, le=256, description="worker processes that `talus serve` starts")] = 2
     threads: Annotated[
         int,
@@ -49,6 +55,13 @@ class Settings(BaseSettings):
     ] = 1
     max_body_bytes: Annotated[int, Field(ge=1_000, le=1_000_000_000)] = 1_000_000
     max_import_bytes: Annotated[int, Field(ge=1_000, le=1_000_000_000)] = 50_000_000
+    auth: Annotated[
+        Literal["auto", "on", "off"],
+        Field(description="whether requests need a key; auto: unless the service listens on loopback alone"),
+    ] = "auto"
+    api_key: Annotated[str | None, Field(description="the key that this machine's client commands send")] = (
+        None
+    )
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
     @field_validator("data_dir")
@@ -123,6 +136,11 @@ class Settings(BaseSettings):
     @property
     def logs_dir(self) -> Path:
         return self.data_dir / "logs"
+
+    @property
+    def asks_for_keys(self) -> bool:
+        """Whether a request needs a key."""
+        return self.auth == "on" or (self.auth == "auto" and self.host not in LOOPBACK)
 
     @property
     def base_url(self) -> str:

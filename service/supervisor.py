@@ -17,6 +17,7 @@ import httpx
 
 from service import broker
 from service.child_process import Child, Say, end_all, last_line
+from service.first_key import first_key_lines
 from service.installation_lock import check_port, only_one
 from service.processes import ProcessSpec, broker_process, environment, long_running, migrate_command
 from service.settings import Settings, StartupError
@@ -78,7 +79,8 @@ class Supervisor:
             )
 
     def _migrate(self) -> None:
-        spec = ProcessSpec("migrate", migrate_command())
+        # Without a key: this log stays, and the first key is shown once, where the service was started.
+        spec = ProcessSpec("migrate", (*migrate_command(), "--no-key"))
         log = self._settings.logs_dir / "migrate.log"
         with log.open("ab") as output:
             done = subprocess.run(
@@ -88,6 +90,8 @@ class Supervisor:
             raise StartupError(
                 f"the database could not be brought to the newest schema: {last_line(log)} ({log})"
             )
+        for line in first_key_lines(self._settings):
+            self._say(line)
 
     def _broker_answers(self) -> bool:
         return broker.is_up(self._settings.resolved_broker_url)

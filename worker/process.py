@@ -84,12 +84,16 @@ class Attempt:
         self._told: dict[str, Any] | None = None
         self._reason: StopReason | None = None
         self._extended = time.monotonic()
+        self._is_beating = False
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._beat_until_done, name="heartbeat", daemon=True)
 
     @property
     def stop(self) -> StopReason | None:
         """None: go on. Read by the working thread."""
+        if self._is_beating and time.monotonic() - self._extended > self._lease_s and self._reason is None:
+            # A database behind a black hole gives no error: the beat waits for ever.
+            self._lose("the database did not answer for a whole lease")
         if self._reason is None and shutdown.is_on:
             self._reason = StopReason.SHUTDOWN
         return self._reason
@@ -117,11 +121,14 @@ class Attempt:
     def _beat(self) -> bool:
         """False: the job is no longer ours."""
         progress = self._progress if self._progress != self._told else None
+        self._is_beating = True
         try:
             with self._database.writing() as session:
                 cancelled = queries.beat(session, self._lease, self._lease_s, progress)
         except SQLAlchemyError as error:
             return self._survive(error)
+        finally:
+            self._is_beating = False
         if cancelled is None:
             self._lose("another attempt owns the job")
             return False

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import time
 from collections.abc import Callable
 
@@ -14,6 +16,9 @@ from service.db.session import Database
 from service.domain.outcome import Failure, FailureClass
 from service.studies.give_back_job import Return
 
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+NO_ROOM_TEXT = os.strerror(errno.ENOSPC)
+
 # The one repetition after a blow-up is made with this share of the time step.
 HALF_STEP = 0.5
 
@@ -25,6 +30,8 @@ RECORD_PAUSE_S = 0.5
 def classify(error: Exception) -> Failure:
     """The failure class and text that are stored."""
     text = str(error) or type(error).__name__
+    if is_disk_full(error):
+        return Failure(FailureClass.DISK_FULL, f"no room on the worker's disk: {text}")
     if isinstance(error, MemoryError):
         return Failure(FailureClass.OUT_OF_MEMORY, text)
     if isinstance(error, SimulationError):
@@ -33,11 +40,23 @@ def classify(error: Exception) -> Failure:
     return Failure(FailureClass.ERROR, f"{type(error).__name__}: {text}")
 
 
-def retry_of(failure: Failure, time_step_factor: float, attempts_left: int) -> Return | None:
+def is_disk_full(error: BaseException | None) -> bool:
+    """Whether a disk or a quota was full, in `error` or in what caused it. HDF5 says so in its text only."""
+    while error is not None:
+        if isinstance(error, OSError) and (error.errno in NO_ROOM or NO_ROOM_TEXT in str(error)):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def retry_of(failure: Failure, time_step_factor: float, attempts_left: int, pause_s: float) -> Return | None:
     """The repetition that the rules allow, None when the failure is the answer.
 
-    Out of memory: again, at most twice, like a lost worker. Blow-up: once, with half the time step.
+    Out of memory: again, at most twice, like a lost worker. Blow-up: once, with half the time step. Disk full:
+    from the last checkpoint, every `pause_s` seconds, until there is room.
     """
+    if failure.failure_class is FailureClass.DISK_FULL:
+        return Return(failure.failure_class.value, failure.text, pause_s=pause_s)
     if failure.failure_class is FailureClass.OUT_OF_MEMORY and attempts_left > 0:
         return Return(failure.failure_class.value, failure.text, counts=True)
     if failure.failure_class is FailureClass.BLOW_UP and time_step_factor > HALF_STEP:

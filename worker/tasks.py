@@ -162,7 +162,8 @@ def after_failure(error: Exception, claim: AnyClaim, attempt: Attempt, watch: St
         text=failure.text,
         exc_info=error if unexpected else None,
     )
-    why_again = retry_of(failure, claim.time_step_factor, claim.attempts_left)
+    pause_s = installation.settings().disk_pause_seconds
+    why_again = retry_of(failure, claim.time_step_factor, claim.attempts_left, pause_s)
     if why_again is not None:
         return partial(give_back_job, lease=lease, why=why_again, cost=cost)
     return partial(record_failure, lease=lease, failure=failure, cost=cost)

@@ -7,6 +7,7 @@ from typing import Annotated
 from fastapi import Depends, Path, Query, Request
 
 from service.db.session import Database
+from service.domain.access import Principal
 from service.settings import Settings
 
 # What both databases can store as a row's id.
@@ -14,10 +15,12 @@ LARGEST_ID = 2**63 - 1
 
 
 def get_database(request: Request) -> Database:
-    """The application's database."""
+    """The application's database, as whoever asks may see it."""
     database = request.app.state.database
     assert isinstance(database, Database)
-    return database
+    principal = request.state.principal
+    assert isinstance(principal, Principal)
+    return database.within(principal.project)
 
 
 def get_settings_of_app(request: Request) -> Settings:

@@ -16,7 +16,15 @@ from starlette.exceptions import HTTPException
 
 from service.domain.errors import InvalidValue
 from service.domain.states import ActionNotAllowed
-from service.errors import MEDIA_TYPE, Conflict, FieldError, InvalidRequest, Problem, Unavailable
+from service.errors import (
+    MEDIA_TYPE,
+    Conflict,
+    FieldError,
+    InvalidRequest,
+    Problem,
+    Unauthorized,
+    Unavailable,
+)
 
 # What pydantic calls an error -> what is allowed instead. Ranges are the domain's, not pydantic's.
 ALLOWED = {
@@ -57,11 +65,11 @@ class ProblemBody(BaseModel):
 
 
 def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """The `responses` of a route that may answer with these statuses, and with 503 as every route may."""
+    """The `responses` of a route that may answer with these statuses, and with those that every route may."""
     content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/ProblemBody"}}}
     return {
         status: {"description": http.HTTPStatus(status).phrase, "content": content}
-        for status in sorted({*statuses, 503})
+        for status in sorted({*statuses, 401, 403, 503})
     }
 
 
@@ -80,7 +88,9 @@ def install_handlers(app: FastAPI) -> None:
 
 def problem_response(problem: Problem) -> JSONResponse:
     """The answer that tells of `problem`."""
-    headers = {"Retry-After": str(problem.retry_after_s)} if problem.retry_after_s is not None else None
+    headers = {"Retry-After": str(problem.retry_after_s)} if problem.retry_after_s is not None else {}
+    if isinstance(problem, Unauthorized):
+        headers["WWW-Authenticate"] = "Bearer"
     return JSONResponse(problem.body(), problem.status, headers, MEDIA_TYPE)
 
 
@@ -140,15 +150,19 @@ def _http_error(_request: Request, error: Exception) -> Response:
     return JSONResponse(content, error.status_code, error.headers, MEDIA_TYPE)
 
 
-def _database_away(_request: Request, _error: Exception) -> Response:
-    # The reason is for the log: it may hold the database's address.
+def database_away() -> Response:
+    """The answer while the database cannot be reached. The reason is for the log: it may hold its address."""
     return problem_response(Unavailable("The database cannot be reached; nothing was stored. Try again."))
+
+
+def _database_away(_request: Request, _error: Exception) -> Response:
+    return database_away()
 
 
 def _database_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, DBAPIError)
     if error.connection_invalidated:
-        return _database_away(request, error)
+        return database_away()
     return _internal_error(request, error)
 
 

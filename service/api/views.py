@@ -299,6 +299,7 @@ class JobAnswer(BaseModel):
     max_attempts: int
     progress: dict[str, Any] | None
     cancel_requested: bool
+    pause_reason: str | None
     failure_text: str | None
     worker_id: str | None
     created_at: datetime | None

@@ -11,6 +11,8 @@ from typing import Any, Self
 
 import httpx
 
+from service.settings import get_settings
+
 # The service sends something at least every 15 s; silence for longer than this is a broken connection.
 STREAM_SILENCE_SECONDS = 40.0
 RECONNECT_SECONDS = 0.5
@@ -46,7 +48,9 @@ class Client:
 
     def __init__(self, base_url: str, transport: httpx.BaseTransport | None = None) -> None:
         self.base_url = base_url
-        self._http = httpx.Client(base_url=base_url, timeout=10.0, transport=transport)
+        key = get_settings().api_key
+        headers = {} if key is None else {"Authorization": f"Bearer {key}"}
+        self._http = httpx.Client(base_url=base_url, timeout=10.0, transport=transport, headers=headers)
 
     def __enter__(self) -> Self:
         return self

@@ -19,6 +19,7 @@ from service.dashboard.rendering import HEADERS, PageRoute, page, render
 from service.dashboard.study_page import StudyPage, count_verdicts, read_study_page
 from service.db import dashboard_reads
 from service.db.session import Database
+from service.domain.access import Principal
 from service.errors import NotFound
 
 router = APIRouter(include_in_schema=False, route_class=PageRoute)
@@ -35,10 +36,12 @@ After = Annotated[int, Query(ge=0, le=LARGEST_ID)]
 
 
 def database_of(request: Request) -> Database:
-    """The application's database."""
+    """The application's database, as whoever asks may see it."""
     database = request.app.state.database
     assert isinstance(database, Database)
-    return database
+    principal = request.state.principal
+    assert isinstance(principal, Principal)
+    return database.within(principal.project)
 
 
 def parse_id(text: str, what: str) -> int:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import enum
 from typing import Any, ClassVar
 
-from sqlalchemy import JSON, BigInteger, Double, Enum, Integer, MetaData
-from sqlalchemy.orm import DeclarativeBase
+from sqlalchemy import JSON, BigInteger, Double, Enum, Integer, MetaData, String
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+from service.domain.access import DEFAULT_PROJECT
 
 # SQLite only numbers rows by itself in a column of type INTEGER.
 Id = BigInteger().with_variant(Integer(), "sqlite")
@@ -40,4 +42,12 @@ def stored_enum(states: type[enum.Enum], name: str) -> Enum:
         create_constraint=True,
         length=16,
         values_callable=lambda members: [m.value for m in members],
+    )
+
+
+class OfProject:
+    """A column for whoever may see the row: `visibility` keeps the projects apart."""
+
+    project: Mapped[str] = mapped_column(
+        String(32), default=DEFAULT_PROJECT, server_default=DEFAULT_PROJECT, nullable=False
     )

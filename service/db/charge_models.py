@@ -7,12 +7,12 @@ from typing import Any
 from sqlalchemy import Index, String, Text, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.db.base import Base, Id, stored_enum
+from service.db.base import Base, Id, OfProject, stored_enum
 from service.db.clock import database_now
 from service.domain.states import DesignState
 
 
-class ChargeRow(Base):
+class ChargeRow(OfProject, Base):
     """One charge of the hopper: one seed, one set of contact numbers.
 
     `series`: the id of the first charge that the same request asked for; that row keeps the request's key. `cost`:
@@ -21,7 +21,7 @@ class ChargeRow(Base):
 
     __tablename__ = "charges"
     __table_args__ = (
-        UniqueConstraint("idempotency_key"),
+        UniqueConstraint("idempotency_key", "project"),
         Index("ix_charges_series", "series"),
         {"sqlite_autoincrement": True},
     )
@@ -45,11 +45,11 @@ class ChargeRow(Base):
     ended_at: Mapped[float | None]
 
 
-class GeometryRow(Base):
+class GeometryRow(OfProject, Base):
     """An uploaded mesh; `path` (below the geometry folder) never leaves the service."""
 
     __tablename__ = "geometries"
-    __table_args__ = (UniqueConstraint("sha256"), {"sqlite_autoincrement": True})
+    __table_args__ = (UniqueConstraint("sha256", "project"), {"sqlite_autoincrement": True})
 
     id: Mapped[int] = mapped_column(Id, primary_key=True)
     file_name: Mapped[str] = mapped_column(String(100))

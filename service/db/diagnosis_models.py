@@ -10,17 +10,17 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index, String, Text, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.db.base import Base, Id, stored_enum
+from service.db.base import Base, Id, OfProject, stored_enum
 from service.db.clock import database_now
 from service.domain.states import DesignState
 
 
-class DataSetRow(Base):
+class DataSetRow(OfProject, Base):
     """Measured tables as they were read, in the units of their columns. `facts`: what is shown of them without
     reading `content`. `opened_by`: the one diagnosis that may look at the held-out conditions."""
 
     __tablename__ = "data_sets"
-    __table_args__ = (UniqueConstraint("split_hash"), {"sqlite_autoincrement": True})
+    __table_args__ = (UniqueConstraint("split_hash", "project"), {"sqlite_autoincrement": True})
 
     id: Mapped[int] = mapped_column(Id, primary_key=True)
     name: Mapped[str] = mapped_column(String(100))
@@ -32,13 +32,13 @@ class DataSetRow(Base):
     created_at: Mapped[float] = mapped_column(default=database_now())
 
 
-class DiagnosisRow(Base):
+class DiagnosisRow(OfProject, Base):
     """One diagnosis of a data set. `cost`: what it was expected to take; `results`: the published form of what it
     says, with the limits, sentences and p value behind it."""
 
     __tablename__ = "diagnoses"
     __table_args__ = (
-        UniqueConstraint("idempotency_key"),
+        UniqueConstraint("idempotency_key", "project"),
         Index("ix_diagnoses_data_set_id", "data_set_id"),
         {"sqlite_autoincrement": True},
     )
@@ -60,13 +60,13 @@ class DiagnosisRow(Base):
     ended_at: Mapped[float | None]
 
 
-class ModelVersionRow(Base):
+class ModelVersionRow(OfProject, Base):
     """The model extended with named effects: `effects` by id, each with its amplitude and 90 % interval. `base`
     names the simulator and its code. A version that is withdrawn stays visible and can no longer be used."""
 
     __tablename__ = "model_versions"
     __table_args__ = (
-        UniqueConstraint("name"),
+        UniqueConstraint("name", "project"),
         Index("ix_model_versions_diagnosis_id", "diagnosis_id"),
         {"sqlite_autoincrement": True},
     )

@@ -19,7 +19,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.db.base import Base, Id, stored_enum
+from service.db.base import Base, Id, OfProject, stored_enum
 from service.db.charge_models import ChargeRow, GeometryRow
 from service.db.clock import database_now
 from service.db.diagnosis_models import (
@@ -29,9 +29,11 @@ from service.db.diagnosis_models import (
     NullCalibrationRow,
     SimulatorRunRow,
 )
+from service.domain.access import Scope
 from service.domain.states import DesignState, JobKind, JobState, StudyState, Verdict
 
 __all__ = [
+    "ApiKeyRow",
     "ArtifactRow",
     "Base",
     "BudgetChangeRow",
@@ -66,7 +68,7 @@ def _one_owner(first: str) -> str:
     return " + ".join(counted) + " = 1"
 
 
-class StudyRow(Base):
+class StudyRow(OfProject, Base):
     """One calibration: what was asked for, how far it is, and what it ended with.
 
     `failures_forgiven`: when its user resumed a study that failures had paused, all designs up to this number.
@@ -75,8 +77,8 @@ class StudyRow(Base):
 
     __tablename__ = "studies"
     __table_args__ = (
-        UniqueConstraint("idempotency_key"),
-        UniqueConstraint("import_hash"),
+        UniqueConstraint("idempotency_key", "project"),
+        UniqueConstraint("import_hash", "project"),
         {"sqlite_autoincrement": True},
     )
 
@@ -241,6 +243,8 @@ class JobRow(Base):
 
     `attempt` is the fence: a worker may only write where the attempt is still its own. `max_attempts` bounds
     the attempts that were lost; one that was given back in order, or repeated by a retry rule, raises it.
+    `lease_until` is by `clock.lease_now`. `paused_until`: nobody is told of the queued job until then, for
+    `pause_reason` (no room on the disk).
     """
 
     __tablename__ = "jobs"
@@ -296,6 +300,8 @@ class JobRow(Base):
     cancel_requested: Mapped[bool] = mapped_column(default=False)
     checkpoint: Mapped[dict[str, Any] | None]
     failure_text: Mapped[str | None] = mapped_column(Text)
+    paused_until: Mapped[float | None]
+    pause_reason: Mapped[str | None] = mapped_column(Text)
     created_at: Mapped[float] = mapped_column(default=database_now())
     ended_at: Mapped[float | None]
 
@@ -374,3 +380,19 @@ class ProcessRow(Base):
     started_at: Mapped[float] = mapped_column(default=database_now())
     seen_at: Mapped[float] = mapped_column(default=database_now())
     problem: Mapped[str | None] = mapped_column(Text)
+
+
+class ApiKeyRow(Base):
+    """A key of the API. Only its hash is kept; `prefix` is the part of it by which it is found and named."""
+
+    __tablename__ = "api_keys"
+    __table_args__ = (UniqueConstraint("prefix"), {"sqlite_autoincrement": True})
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    name: Mapped[str] = mapped_column(String(100))
+    prefix: Mapped[str] = mapped_column(String(16))
+    secret_hash: Mapped[str] = mapped_column(String(64))
+    scope: Mapped[Scope] = mapped_column(stored_enum(Scope, "scope"))
+    project: Mapped[str] = mapped_column(String(32))
+    created_at: Mapped[float] = mapped_column(default=database_now())
+    revoked_at: Mapped[float | None]

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from sqlalchemy import and_, case, or_, select, update
+from sqlalchemy import and_, case, func, not_, or_, select, update
 from sqlalchemy.orm import Session
 
-from service.db.clock import database_now
+from service.db.clock import database_now, lease_now
 from service.db.models import ChargeRow, DiagnosisRow, JobRow, StudyRow, TaskRow
 from service.domain.states import JobKind, JobState, StudyState, is_over, sources
 
@@ -21,11 +21,16 @@ from service.domain.states import JobKind, JobState, StudyState, is_over, source
 # a lost message is soon replaced, and a long backlog is not buried under copies of itself (9 an hour).
 REPUBLISH_AFTER_S = 15.0
 
+# As long as settings allow a lease to be.
+LONGEST_LEASE_S = 600.0
+LONGEST_PAUSE_S = 3600.0
+
 # A paused study starts no simulation and proposes nothing; a report on it may be written.
 CLAIMED_WHILE_PAUSED = (JobKind.REPORT,)
 
 _Task = TypeVar("_Task", ChargeRow, DiagnosisRow)
 _UNPUBLISHED = {"lease_until": None, "published_at": None, "publications": 0}
+_NOT_PAUSED = {"paused_until": None, "pause_reason": None}
 
 
 @dataclass(frozen=True)
@@ -84,12 +89,14 @@ def claim(session: Session, job_id: str, worker_id: str, lease_s: float) -> JobR
             JobRow.id == job_id,
             JobRow.state.in_(sources(JobState.RUNNING)),
             JobRow.cancel_requested.is_(False),
+            not_(_is_paused()),
         )
         .values(
+            **_NOT_PAUSED,
             state=JobState.RUNNING,
             attempt=JobRow.attempt + 1,
             worker_id=worker_id,
-            lease_until=database_now() + lease_s,
+            lease_until=lease_now() + lease_s,
             progress=None,
         )
         .returning(JobRow)
@@ -103,7 +110,7 @@ def beat(session: Session, lease: Lease, lease_s: float, progress: dict[str, Any
 
     A lease that ran out but was not reaped yet may be extended: nobody else owns the job.
     """
-    values: dict[str, Any] = {"lease_until": database_now() + lease_s}
+    values: dict[str, Any] = {"lease_until": lease_now() + lease_s}
     if progress is not None:
         values["progress"] = progress
     statement = update(JobRow).where(_owned(lease)).values(values).returning(JobRow.cancel_requested)
@@ -126,8 +133,20 @@ def finish(session: Session, lease: Lease, state: JobState, failure_text: str | 
     return session.execute(statement).scalar_one_or_none() is not None
 
 
+@dataclass(frozen=True)
+class Pause:
+    """A queued job that nobody shall be told of for so many seconds, and why."""
+
+    seconds: float
+    reason: str
+
+
 def give_back(
-    session: Session, lease: Lease, counts: bool, time_step_factor: float | None = None
+    session: Session,
+    lease: Lease,
+    counts: bool,
+    time_step_factor: float | None = None,
+    pause: Pause | None = None,
 ) -> JobRow | None:
     """running -> queued where the attempt is still this one; cancelled where that was asked meanwhile.
 
@@ -142,6 +161,8 @@ def give_back(
     }
     if time_step_factor is not None:
         values["time_step_factor"] = time_step_factor
+    if pause is not None:
+        values |= {"paused_until": lease_now() + pause.seconds, "pause_reason": pause.reason}
     statement = update(JobRow).where(_owned(lease)).values(values).returning(JobRow)
     return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
 
@@ -155,7 +176,7 @@ def reap(session: Session, lease: Lease) -> JobRow | None:
     over = or_(JobRow.cancel_requested, exhausted)
     statement = (
         update(JobRow)
-        .where(_owned(lease), JobRow.lease_until < database_now())
+        .where(_owned(lease), _ran_out())
         .values(
             state=case(
                 (JobRow.cancel_requested, JobState.CANCELLED.value),
@@ -224,7 +245,7 @@ def expired(session: Session, limit: int = 100) -> Sequence[Lease]:
     """Running jobs whose lease ran out; `reap` decides about each."""
     statement = (
         select(JobRow.id, JobRow.attempt)
-        .where(JobRow.state == JobState.RUNNING, JobRow.lease_until < database_now())
+        .where(JobRow.state == JobState.RUNNING, _ran_out())
         .order_by(JobRow.lease_until)
         .limit(limit)
     )
@@ -249,11 +270,24 @@ def to_publish(session: Session, limit: int = 500) -> Sequence[tuple[str, JobKin
                 JobRow.kind.in_(CLAIMED_WHILE_PAUSED),
             ),
             or_(JobRow.published_at.is_(None), waited > patience, waited < 0.0),
+            not_(_is_paused()),
         )
         .order_by(JobRow.created_at, JobRow.id)
         .limit(limit)
     )
     return [(row.id, JobKind(row.kind)) for row in session.execute(statement)]
+
+
+def forget_publications(session: Session) -> int:
+    """The broker lost its messages: every queued job wants a new one. The number of jobs."""
+    statement = (
+        update(JobRow)
+        .where(JobRow.state == JobState.QUEUED, JobRow.published_at.is_not(None))
+        .values(published_at=None, publications=0)
+        .returning(JobRow.id)
+    )
+    found = session.execute(statement, execution_options={"synchronize_session": False})
+    return len(found.all())
 
 
 def mark_published(session: Session, job_ids: Sequence[str]) -> None:
@@ -264,6 +298,17 @@ def mark_published(session: Session, job_ids: Sequence[str]) -> None:
         .values(published_at=database_now(), publications=JobRow.publications + 1),
         execution_options={"synchronize_session": False},
     )
+
+
+def _is_paused() -> Any:
+    """A pause that ends later than any can was set before the machine started anew, and is over."""
+    until = func.coalesce(JobRow.paused_until, 0.0)
+    return and_(until > lease_now(), until < lease_now() + 2.0 * LONGEST_PAUSE_S)
+
+
+def _ran_out() -> Any:
+    """The lease is over, or ends later than any can: the machine has started anew since, and its clock with it."""
+    return or_(JobRow.lease_until < lease_now(), JobRow.lease_until > lease_now() + 2.0 * LONGEST_LEASE_S)
 
 
 def _owned(lease: Lease) -> Any:

@@ -7,6 +7,7 @@ write, and then fails at once ("database is locked") when another writer came be
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -16,10 +17,21 @@ from typing import Any
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.orm import Session
 
+from service.db.clock import STEADY_CLOCK
 from service.db.file_system import refuse_network_file_system
+from service.db.visibility import restrict
 
 # How long a statement waits for another writer, and a connection for the server; then the client gets a 503.
 LOCK_TIMEOUT_S = 5.0
+
+# Without, a server whose machine vanished is waited for as long as TCP likes: two hours.
+NOTICES_A_DEAD_SERVER = {
+    "keepalives": 1,
+    "keepalives_idle": 5,
+    "keepalives_interval": 2,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 10_000,
+}
 
 READ_ONLY = "talus_read_only"
 
@@ -27,14 +39,20 @@ READ_ONLY = "talus_read_only"
 class Database:
     """Opens transactions on one database. Connects when first used; safe to share between threads."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, engine: Engine | None = None, project: str | None = None) -> None:
         self.url = url
-        self.engine = make_engine(url)
+        self.engine = engine or make_engine(url)
+        self._project = project
+
+    def within(self, project: str | None) -> Database:
+        """The same database, of which only this project's rows are seen; None: all."""
+        return Database(self.url, self.engine, project)
 
     @contextmanager
     def writing(self) -> Iterator[Session]:
         """A transaction that is committed at the end of the block, or rolled back by an exception."""
         with Session(self.engine, expire_on_commit=False) as session, session.begin():
+            self._restrict(session)
             yield session
 
     @contextmanager
@@ -42,7 +60,12 @@ class Database:
         """A consistent view that never waits for a writer on SQLite; nothing is committed."""
         connection = self.engine.connect().execution_options(**{READ_ONLY: True})
         with connection, Session(connection, expire_on_commit=False) as session:
+            self._restrict(session)
             yield session
+
+    def _restrict(self, session: Session) -> None:
+        if self._project is not None:
+            restrict(session, self._project)
 
     def dispose(self) -> None:
         """Close all connections, for instance before a fork."""
@@ -69,13 +92,14 @@ def make_engine(url: str) -> Engine:
         json_serializer=dumps,
         pool_pre_ping=True,
         pool_timeout=LOCK_TIMEOUT_S,
-        connect_args={"connect_timeout": int(LOCK_TIMEOUT_S), "options": options},
+        connect_args={"connect_timeout": int(LOCK_TIMEOUT_S), "options": options, **NOTICES_A_DEAD_SERVER},
     )
 
 
 def _set_up_sqlite(connection: Any, _record: Any) -> None:
     # Turns the driver's own BEGIN off: _begin_sqlite says which one.
     connection.isolation_level = None
+    connection.create_function(STEADY_CLOCK, 0, time.monotonic)
     cursor = connection.cursor()
     cursor.execute("PRAGMA journal_mode=WAL")
     # FULL: a commit that was answered survives a power cut. NORMAL loses the last ones.

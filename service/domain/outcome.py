@@ -13,10 +13,11 @@ from service.domain.study import Response
 
 
 class FailureClass(StrEnum):
-    """Why an attempt gave no result. The first three may be repeated, the others are the design's answer."""
+    """Why an attempt gave no result. The first four may be repeated, the others are the design's answer."""
 
     LOST = "lost"
     OUT_OF_MEMORY = "out_of_memory"
+    DISK_FULL = "disk_full"
     BLOW_UP = "blow_up"
     NEVER_SETTLES = "never_settles"
     NO_RESULT = "no_result"

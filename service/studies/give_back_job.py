@@ -20,19 +20,24 @@ from service.studies.record_event import record_design_event
 
 @dataclass(frozen=True)
 class Return:
-    """Why a job goes back: `counts` uses up an attempt, `time_step_factor` is for the next ones."""
+    """Why a job goes back: `counts` uses up an attempt, `time_step_factor` is for the next ones, `pause_s` is how
+    long nobody shall be told of it."""
 
     exit_class: str
     text: str
     counts: bool = False
     time_step_factor: float | None = None
+    pause_s: float | None = None
 
 
 def give_back_job(session: Session, lease: Lease, why: Return, cost: RunCost | None = None) -> bool:
     """False: the lease was lost, nothing is written."""
     owner = queries.lock_owner(session, lease.job_id)
-    job = queries.give_back(session, lease, why.counts, why.time_step_factor) if owner is not None else None
-    if owner is None or job is None:
+    if owner is None:
+        return False
+    pause = None if why.pause_s is None else queries.Pause(why.pause_s, why.text)
+    job = queries.give_back(session, lease, why.counts, why.time_step_factor, pause)
+    if job is None:
         return False
     ended = rows_of(session, owner, job)
     if job.state is JobState.CANCELLED:

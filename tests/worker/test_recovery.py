@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+
 import pytest
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
@@ -32,25 +34,51 @@ def test_failure_classes(error: Exception, failure_class: FailureClass) -> None:
 
 def test_a_blow_up_is_repeated_once_with_half_the_step() -> None:
     failure = Failure(FailureClass.BLOW_UP, "overlap")
-    again = retry_of(failure, time_step_factor=1.0, attempts_left=0)
+    again = retry_of(failure, time_step_factor=1.0, attempts_left=0, pause_s=30.0)
     assert again is not None
     assert (again.time_step_factor, again.counts) == (0.5, False)
-    assert retry_of(failure, time_step_factor=0.5, attempts_left=9) is None
+    assert retry_of(failure, time_step_factor=0.5, attempts_left=9, pause_s=30.0) is None
 
 
 def test_want_of_memory_is_repeated_while_attempts_are_left() -> None:
     failure = Failure(FailureClass.OUT_OF_MEMORY, "")
-    again = retry_of(failure, 1.0, attempts_left=1)
+    again = retry_of(failure, 1.0, attempts_left=1, pause_s=30.0)
     assert again is not None
     assert (again.time_step_factor, again.counts) == (None, True)
-    assert retry_of(failure, 1.0, attempts_left=0) is None
+    assert retry_of(failure, 1.0, attempts_left=0, pause_s=30.0) is None
 
 
 @pytest.mark.parametrize(
     "failure_class", [FailureClass.NEVER_SETTLES, FailureClass.NO_RESULT, FailureClass.ERROR]
 )
 def test_what_is_the_designs_own_answer_is_not_repeated(failure_class: FailureClass) -> None:
-    assert retry_of(Failure(failure_class, ""), 1.0, attempts_left=2) is None
+    assert retry_of(Failure(failure_class, ""), 1.0, attempts_left=2, pause_s=30.0) is None
+
+
+def h5py_says_so_in_words_only() -> OSError:
+    return OSError("Can't write data (errno = 28, error message = 'No space left on device')")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.ENOSPC, "No space left on device"),
+        OSError(errno.EDQUOT, "quota"),
+        h5py_says_so_in_words_only(),
+    ],
+)
+def test_a_full_disk_is_tried_again_after_a_pause_and_uses_up_no_attempt(error: OSError) -> None:
+    wrapped = RuntimeError("checkpoint")
+    wrapped.__cause__ = error
+    for found in (classify(error), classify(wrapped)):
+        assert found.failure_class is FailureClass.DISK_FULL
+        again = retry_of(found, 1.0, attempts_left=0, pause_s=7.0)
+        assert again is not None
+        assert (again.pause_s, again.counts) == (7.0, False)
+
+
+def test_another_error_of_the_system_is_no_full_disk() -> None:
+    assert classify(OSError(errno.EIO, "Input/output error")).failure_class is FailureClass.ERROR
 
 
 def test_a_record_waits_for_a_database_that_is_away(
