@@ -1,8 +1,8 @@
 """The database's own clocks, in SQL: one that says what time it is, and one that leases are judged by.
 
 A worker whose own clock is wrong can so neither steal nor keep a job. On PostgreSQL both are the server's.
-SQLite has no server: its clock is that of whichever process asks. All of them are on one machine, so leases there go by the
-machine's monotonic clock, which no process and no correction of the time moves.
+SQLite has no server: its clock is that of whichever process asks. All of them are on one machine, so leases there
+go by the machine's monotonic clock, which no process and no correction of the time moves.
 
 `database_now` on SQLite: julianday, because unixepoch('subsec') is NULL before 3.42 (physical resolution 1 ms).
 """
