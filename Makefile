@@ -6,6 +6,9 @@
 #   make charge [MATERIAL=coke] [SCALE=4] [SEED=1] [OUT=charge]  charge the hopper through the service, with a report
 #   make serve                                                   start the service and stay
 #   make compare-workers [BUDGET=6]                              two workers of one thread against one of two
+#   make faults [SCHEDULES=200] [SEED=1] [BACKEND=sqlite]        random schedules of faults on real jobs
+#   make load [FOR=60]                                            50 requests/s beside two busy workers
+#   make secure                                                  risky calls, secrets, known holes
 #   make test | slow | lint                                      the tests, the long tests, the linters
 #   make setup | dev                                             only the environment: to run, to develop
 #   make lock                                                    bring both lock files up to date
@@ -32,7 +35,7 @@ SEED ?=
 OUT ?=
 TESTS ?=
 
-.PHONY: help setup dev demo charge compare-workers serve test slow lint lock clean
+.PHONY: help setup dev demo charge compare-workers serve test slow faults load secure lint lock clean
 
 help:
 	@sed -n 's/^#  *make/make/p' Makefile
@@ -72,6 +75,16 @@ test: $(DEV)
 
 slow: $(DEV)
 	@$(BIN)/python -m pytest -m "slow or browser" $(TESTS)
+
+faults: $(DEV)
+	@$(BIN)/python -m tests.faults --schedules "$(or $(SCHEDULES),200)" --seed "$(or $(SEED),1)" \
+	  $(if $(BACKEND),--backend "$(BACKEND)")
+
+load: $(DEV)
+	@$(BIN)/python -m tests.load --seconds "$(or $(FOR),60)"
+
+secure: $(DEV)
+	@$(BIN)/python -m tests.secure
 
 lint: $(DEV)
 	@$(BIN)/ruff check .

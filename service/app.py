@@ -24,6 +24,7 @@ from service.api import (
     jobs,
     keys,
     materials,
+    metrics,
     reports,
     studies,
 )
@@ -52,6 +53,7 @@ MODULES = (
     jobs,
     keys,
     health,
+    metrics,
 )
 DESCRIPTION = """Calibrates the contact parameters of granular materials: asks a DEM pile test for the repose
 angle of a parameter set, learns, proposes the next one, and ends with a certified optimum.

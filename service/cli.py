@@ -23,6 +23,7 @@ from service.client.charge import COMMANDS as CHARGE_COMMANDS
 from service.client.charge_comparison import compare_command
 from service.client.commands import COMMANDS
 from service.client.keys import keys_command
+from service.client.maintenance import backup, restore, retention
 from service.client.rest import Client, RefusedError, ServiceAwayError
 from service.client.tables import noise_lines
 from service.code_version import demcore_hash
@@ -188,7 +189,7 @@ def status(study_id: int | None, only: str | None) -> None:
         click.echo(f"  {name} = {value:g}")
 
 
-for command in (*COMMANDS, keys_command, *CHARGE_COMMANDS, compare_command):
+for command in (*COMMANDS, keys_command, backup, restore, retention, *CHARGE_COMMANDS, compare_command):
     cli.add_command(command)
 
 

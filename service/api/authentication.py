@@ -28,6 +28,7 @@ SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 OPEN_PATHS = ("/v1/health/live", "/v1/health/ready", LOGIN)
 OPEN_FOLDER = "/static/"
 ADMIN_FOLDER = "/v1/keys"
+PROGRAM_PATHS = ("/metrics", "/openapi.json")
 # Who asks where no keys are asked for: whoever reaches the port.
 ANYBODY = Principal(KeyScope.ADMIN, None)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from sqlalchemy import select
 
 from service.db.models import RunRow, StudyRow
-from tests.faults.faults import Injected, Injection, Kill, draw_schedule, inject, left_out
+from tests.faults.faults import WINDOW_S, Injected, Injection, Kill, draw_schedule, inject, left_out
 from tests.faults.ledger import (
     SETTLING_S,
     VARIANTS,
@@ -87,12 +87,14 @@ def make_references(rig: Rig) -> dict[int, str]:
         }
 
 
-def run_schedule(rig: Rig, seed: int, references: dict[int, str], total: Total, say: Say) -> list[str]:
+def run_schedule(
+    rig: Rig, seed: int, references: dict[int, str], total: Total, say: Say, window_s: float = WINDOW_S
+) -> list[str]:
     """One schedule by its seed: requests, faults, healing, audit; what was wrong."""
     rng = random.Random(seed)
-    schedule = draw_schedule(rng, rig)
+    schedule = draw_schedule(rng, rig, window_s)
     requests = [
-        (rng.uniform(0.0, 3.0), f"{seed}-{n}-{time.time_ns()}", rng.choice(VARIANTS))
+        (rng.uniform(0.0, window_s / 2), f"{seed}-{n}-{time.time_ns()}", rng.choice(VARIANTS))
         for n in range(rng.randint(1, 2))
     ]
     accepted, injected = Accepted(), Injected(rig, rng)
@@ -143,7 +145,7 @@ def _time_takeovers(rig: Rig, kills: list[Kill], total: Total) -> None:
                 total.again_s.extend(when - kill.when for when in session.scalars(later))
 
 
-def run_campaign(rig: Rig, seeds: list[int], total: Total, say: Say) -> list[str]:
+def run_campaign(rig: Rig, seeds: list[int], total: Total, say: Say, window_s: float = WINDOW_S) -> list[str]:
     """All schedules; after each the installation is well again before the next begins."""
     for name, reason in left_out(rig).items():
         say(f"{rig.backend}: skipped: {name} ({reason})")
@@ -151,7 +153,8 @@ def run_campaign(rig: Rig, seeds: list[int], total: Total, say: Say) -> list[str
     problems = list[str]()
     for seed in seeds:
         problems += [
-            f"{rig.backend} seed {seed}: {text}" for text in run_schedule(rig, seed, references, total, say)
+            f"{rig.backend} seed {seed}: {text}"
+            for text in run_schedule(rig, seed, references, total, say, window_s)
         ]
         rig.wait_until_well()
     return problems

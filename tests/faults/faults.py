@@ -299,7 +299,7 @@ FAULTS: dict[str, Fault] = {
 }
 
 
-def draw_schedule(rng: random.Random, rig: Rig) -> list[Injection]:
+def draw_schedule(rng: random.Random, rig: Rig, window_s: float = WINDOW_S) -> list[Injection]:
     """Two to five faults at random moments, in the order in which they begin."""
     possible = [name for name, fault in FAULTS.items() if fault.needs(rig) is None]
     drawn, lost = list[Injection](), 0
@@ -311,7 +311,7 @@ def draw_schedule(rng: random.Random, rig: Rig) -> list[Injection]:
             fault = FAULTS[name]
         lost += fault.costs_lease
         lasts = rng.uniform(*fault.lasts) * (rig.settings.lease_seconds if fault.by_lease else 1.0)
-        drawn.append(Injection(rng.uniform(0.2, WINDOW_S), name, lasts))
+        drawn.append(Injection(rng.uniform(0.2, window_s), name, lasts))
     return sorted(drawn, key=lambda injection: injection.at_s)
 
 

@@ -1,0 +1,98 @@
+"""Which stored files may go, and their removal. Rows stay, so that every number is kept.
+
+The store is addressed by content: a file goes only when everything that names it may lose it. What was stored
+within the last hour stays, because its row may be about to be written.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from service.db import queries
+from service.db.models import ArtifactRow, ChargeRow, DesignRow, DiagnosisRow, JobRow, StudyRow
+from service.db.session import Database
+from service.domain.states import OPEN_JOBS
+from service.settings import Settings
+
+# The large ones: particles and time series. Pictures, reports and summaries stay unless they are named.
+LARGE_KINDS = ("vtkhdf", "result", "spheres", "walls")
+DAY_S = 86_400.0
+FRESH_S = 3_600.0
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Files of these kinds go when the study, charge or diagnosis that made them ended so many days ago."""
+
+    older_than_days: float
+    kinds: tuple[str, ...] = LARGE_KINDS
+
+
+@dataclass(frozen=True)
+class Removable:
+    """A file or folder that may go, and why."""
+
+    path: Path
+    size_bytes: int
+    reason: str
+
+
+def find_removable(database: Database, settings: Settings, rule: Rule) -> list[Removable]:
+    """What the rule lets go, then what no row names, then what finished jobs left. Removes nothing."""
+    with database.reading() as session:
+        kept, expired = _stored_paths(session, rule)
+        open_jobs = set(session.scalars(select(JobRow.id).where(JobRow.state.in_(OPEN_JOBS))))
+    newest = time.time() - FRESH_S
+    found = list[Removable]()
+    store = settings.artifacts_dir
+    for path in sorted(_files_of(store)):
+        name = path.relative_to(store).as_posix()
+        if name in kept or path.stat().st_mtime > newest:
+            continue
+        reason = f"ended over {rule.older_than_days:g} days ago" if name in expired else "no row names it"
+        found.append(Removable(path, path.stat().st_size, reason))
+    checkpoints = settings.data_dir / "checkpoints"
+    for path in sorted(checkpoints.iterdir()) if checkpoints.is_dir() else ():
+        if path.name[:36] not in open_jobs and path.stat().st_mtime <= newest:
+            size = sum(file.stat().st_size for file in ([path] if path.is_file() else _files_of(path)))
+            found.append(Removable(path, size, "checkpoint of a job that is over"))
+    return found
+
+
+def remove(found: list[Removable]) -> int:
+    """The number of bytes that went."""
+    for item in found:
+        if item.path.is_dir():
+            shutil.rmtree(item.path)
+        else:
+            item.path.unlink(missing_ok=True)
+    return sum(item.size_bytes for item in found)
+
+
+def _stored_paths(session: Session, rule: Rule) -> tuple[set[str], set[str]]:
+    """Paths that some row still wants, and paths whose rows may all lose them."""
+    ended = func.coalesce(StudyRow.ended_at, ChargeRow.ended_at, DiagnosisRow.ended_at)
+    statement = (
+        select(ArtifactRow.path, ArtifactRow.kind, ended)
+        .outerjoin(DesignRow, DesignRow.id == ArtifactRow.design_id)
+        .outerjoin(StudyRow, StudyRow.id == DesignRow.study_id)
+        .outerjoin(ChargeRow, ChargeRow.id == ArtifactRow.charge_id)
+        .outerjoin(DiagnosisRow, DiagnosisRow.id == ArtifactRow.diagnosis_id)
+    )
+    before = queries.now(session) - rule.older_than_days * DAY_S
+    kept, expired = set[str](), set[str]()
+    for path, kind, ended_at in session.execute(statement):
+        may_go = kind in rule.kinds and ended_at is not None and ended_at < before
+        (expired if may_go else kept).add(path)
+    return kept, expired - kept
+
+
+def _files_of(folder: Path) -> Iterator[Path]:
+    return (path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else iter(())

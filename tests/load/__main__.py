@@ -1,0 +1,74 @@
+"""`make load [FOR=60]`: 10,000 jobs stored, two workers that simulate, 50 requests a second by locust on loopback.
+
+Prints p50, p99 and errors, and how much the API's memory grew; FOR=3600 is the hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+from tests.builders.studies import a_study, add_finished_designs
+from tests.faults.ledger import VARIANTS, Accepted
+from tests.faults.rig import Process, Rig, running_rig
+
+STUDIES, DESIGNS = 10, 1000
+USERS = 25
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def memory_mb(process: Process) -> float:
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    return float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmRSS"))) / 1024
+
+
+def keep_busy(rig: Rig, stop: threading.Event) -> None:
+    """Four studies under way at any time."""
+    count = 0
+    while not stop.is_set():
+        Accepted().send(rig, f"load-{time.time_ns()}-{count}", VARIANTS[count % len(VARIANTS)])
+        count += 1
+        stop.wait(0.0 if count < 4 else 4.0)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=int, default=60)
+    parser.add_argument("--backend", choices=("sqlite", "postgresql"), default="sqlite")
+    wanted = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name, running_rig(wanted.backend, lease_s=10.0) as rig:
+        for _ in range(STUDIES):
+            # Enough designs to be at their budget: they are stored and ask for no work.
+            add_finished_designs(rig.database, a_study(rig.database, budget=DESIGNS), DESIGNS)
+        stop = threading.Event()
+        busy = threading.Thread(target=keep_busy, args=(rig, stop))
+        busy.start()
+        before = memory_mb(rig.processes["api"])
+        command = [
+            *(sys.executable, "-m", "locust", "--headless", "--only-summary"),
+            *("--locustfile", str(Path(__file__).with_name("locustfile.py"))),
+            *("--host", rig.settings.base_url, "--users", str(USERS), "--spawn-rate", str(USERS)),
+            *("--run-time", f"{wanted.seconds}s", "--csv", f"{name}/load"),
+        ]
+        done = subprocess.run(command, cwd=ROOT, check=False)
+        after = memory_mb(rig.processes["api"])
+        stop.set()
+        busy.join()
+        with Path(f"{name}/load_stats.csv").open(encoding="utf-8") as file:
+            total = next(row for row in csv.DictReader(file) if row["Name"] == "Aggregated")
+    print(
+        f"{STUDIES * DESIGNS} jobs stored, {total['Request Count']} requests at "
+        f"{float(total['Requests/s']):.0f}/s: p50 {total['50%']} ms, p99 {total['99%']} ms, errors {total['Failure Count']}; "
+        f"API's memory {before:.0f} -> {after:.0f} MB"
+    )
+    return done.returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,67 @@
+"""`make secure`: risky calls in the sources (bandit), secrets in the tree (detect-secrets), known holes in what is
+installed (pip-audit, where its database can be reached). Headers and cookies of every page are tests."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = ("service", "worker", "demcore", "migrations")
+# What is accepted, with its reason: asserts and subprocesses of fixed commands (B101, B404, B603, B606, B607); numbers
+# of the simulation are no cryptography (B311); 0.0.0.0 is only compared with (B104); SQL that is put together holds
+# names of our own tables (B608).
+ACCEPTED = "B101,B104,B311,B404,B603,B606,B607,B608"
+# Hashes by name, and test data that look like secrets.
+NO_SECRETS = r"(.*\.lock|docs/openapi\.json|tests/.*|compose\.yaml)"
+AUDIT_SECONDS = 120
+
+
+def run(*command: str, seconds: float = 300.0) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", *command],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=seconds,
+    )
+
+
+def risky_calls() -> bool:
+    done = run("bandit", "--quiet", "--recursive", *SOURCES, "--skip", ACCEPTED, "--format", "json")
+    found = json.loads(done.stdout)["results"]
+    for item in found:
+        print(f"{item['filename']}:{item['line_number']}: {item['test_id']} {item['issue_text']}")
+    print(f"bandit: {len(found)} risky calls")
+    return not found
+
+
+def secrets() -> bool:
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = run("detect_secrets", "scan", "--exclude-files", NO_SECRETS, *tracked.stdout.split())
+    found = json.loads(done.stdout)["results"]
+    for name, items in found.items():
+        for item in items:
+            print(f"{name}:{item['line_number']}: {item['type']}")
+    print(f"detect-secrets: {sum(map(len, found.values()))} in {len(tracked.stdout.split())} files")
+    return not found
+
+
+def known_holes() -> bool:
+    try:
+        done = run("pip_audit", "--local", "--skip-editable", "--format", "json", seconds=AUDIT_SECONDS)
+        found = [item for item in json.loads(done.stdout)["dependencies"] if item.get("vulns")]
+    except (subprocess.TimeoutExpired, json.JSONDecodeError, KeyError):
+        print("pip-audit: skipped, its database cannot be reached from here")
+        return True
+    for item in found:
+        print(f"{item['name']} {item['version']}: " + ", ".join(hole["id"] for hole in item["vulns"]))
+    print(f"pip-audit: {len(found)} packages with known holes")
+    return not found
+
+
+if __name__ == "__main__":
+    sys.exit(0 if all([risky_calls(), secrets(), known_holes()]) else 1)
