@@ -28,7 +28,7 @@ from service.client.rest import Client, RefusedError, ServiceAwayError
 from service.client.tables import noise_lines
 from service.code_version import demcore_hash
 from service.first_key import first_key_lines
-from service.settings import StartupError, describe_problems, get_settings
+from service.settings import Settings, StartupError, describe_problems, get_settings
 
 BAD_INPUT = 2
 FAILED = 1
@@ -124,11 +124,19 @@ def migrate(no_key: bool) -> None:
 
 @cli.command()
 @click.option("--name", default="worker", show_default=True, help="its name in Celery's and the log's lines")
-def worker(name: str) -> None:
-    """Run one worker process here, for the service that TALUS_DATABASE_URL and TALUS_BROKER_URL name."""
+@click.option("--broker", help="the service's broker [default: TALUS_BROKER_URL]")
+@click.option("--database", help="the service's database [default: TALUS_DATABASE_URL]")
+@click.option(
+    "--data-dir",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="the folder that all machines share [default: TALUS_DATA_DIR]",
+)
+def worker(name: str, broker: str | None, database: str | None, data_dir: Path | None) -> None:
+    """Run one worker process here, on this machine or another than the service's."""
     from service.processes import environment, worker_process
 
-    settings = get_settings()
+    given = {"broker_url": broker, "database_url": database, "data_dir": data_dir}
+    settings = Settings(**{option: value for option, value in given.items() if value is not None})  # type: ignore[arg-type]
     spec = worker_process(name, settings)
     os.execve(spec.command[0], spec.command, environment(settings, spec))
 

@@ -64,7 +64,8 @@ def main() -> int:
             total = next(row for row in csv.DictReader(file) if row["Name"] == "Aggregated")
     print(
         f"{STUDIES * DESIGNS} jobs stored, {total['Request Count']} requests at "
-        f"{float(total['Requests/s']):.0f}/s: p50 {total['50%']} ms, p99 {total['99%']} ms, errors {total['Failure Count']}; "
+        f"{float(total['Requests/s']):.0f}/s: p50 {total['50%']} ms, p99 {total['99%']} ms, "
+        f"errors {total['Failure Count']}; "
         f"API's memory {before:.0f} -> {after:.0f} MB"
     )
     return done.returncode
