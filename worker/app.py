@@ -20,12 +20,14 @@ from service.db.presence import report_end, report_presence
 from service.logs import configure_logs
 from service.queue import BROKER_SETTINGS
 from worker import installation, process
+from worker.careful_transport import use_careful_transport
 
 log = structlog.get_logger(__name__)
 
 PRESENCE_SECONDS = 5.0
 
 configure_logs(installation.settings().log_level)
+use_careful_transport()
 app = Celery("talus", broker=installation.settings().resolved_broker_url, include=["worker.tasks"])
 app.conf.update(
     BROKER_SETTINGS,

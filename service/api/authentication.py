@@ -99,11 +99,9 @@ def needed_scope(method: str, path: str) -> KeyScope:
 
 
 def _is_page(scope: Scope) -> bool:
-    return (
-        scope["method"] == "GET"
-        and not scope["path"].startswith("/v1/")
-        and not scope["path"].endswith("/parts")
-    )
+    path = scope["path"]
+    is_for_programs = path.startswith("/v1/") or path.endswith("/parts") or path in PROGRAM_PATHS
+    return scope["method"] == "GET" and not is_for_programs
 
 
 def _is_from_here(headers: Headers) -> bool:

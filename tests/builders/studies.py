@@ -180,9 +180,10 @@ def a_finished_study(database: Database, **changes: Any) -> int:
 
 
 def let_lease_expire(database: Database, job_id: str) -> None:
-    """As if the worker had been silent for its whole lease."""
+    """As if the worker, where the job has one, had been silent for its whole lease."""
+    held = (JobRow.id == job_id, JobRow.state == JobState.RUNNING)
     with database.writing() as session:
-        session.execute(update(JobRow).where(JobRow.id == job_id).values(lease_until=lease_now() - 0.001))
+        session.execute(update(JobRow).where(*held).values(lease_until=lease_now() - 0.001))
 
 
 def job(database: Database, job_id: str) -> JobRow:
