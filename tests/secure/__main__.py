@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ("service", "worker", "demcore", "migrations")
 # What is accepted, with its reason: asserts and subprocesses of fixed commands (B101, B404, B603, B606, B607);
 # numbers of the simulation are no cryptography (B311); 0.0.0.0 is only compared with (B104); SQL that is put
-# together holds names of our own tables (B608); Markup is made of escaped text, which tests of the pages try (B704).
+# together holds names of our own tables (B608); Markup is made of escaped text, as tests show (B704).
 ACCEPTED = "B101,B104,B311,B404,B603,B606,B607,B608,B704"
 # Hashes by name, and test data that look like secrets.
 NO_SECRETS = r"(.*\.lock|docs/openapi\.json|tests/.*|compose\.yaml)"
