@@ -22,15 +22,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from demcore.experiments.charge_findings import compare_findings
 from service.code_version import demcore_hash
 from service.domain.charge import TOLD, ChargeSpec
-
-# Pictures in the order of the page, with what they show.
-PICTURES: Mapping[str, str] = {
-    "burden": "The burden from above and from the front, by height (left) and by grain size (right).",
-    "charge": "All grains at the end by size, from the front and from the side; green: the jet in closed form.",
-    "curves": "By sector, over time, over the belt's height; the belt's section and the jet's spread.",
-    "wear": "What the walls bear: energy of the grains that struck them (left), load at the end (right).",
-    "plant": "The plant as it was simulated.",
-}
+from service.domain.charge_pictures import PICTURES
 
 
 @dataclass(frozen=True)

@@ -20,17 +20,10 @@ from service.db import dashboard_reads, queries, read_charges
 from service.db.dashboard_reads import OpenJob
 from service.db.models import ArtifactRow, ChargeRow
 from service.db.read_charges import ChargeView
+from service.domain.charge_pictures import PICTURES
 from service.domain.states import DesignState, is_over
 
 CHARGES_A_PAGE = 25
-# Pictures in the order of the page, with what they show.
-PICTURES: Mapping[str, str] = {
-    "burden": "The burden from above and from the front, by height (left) and by grain size (right)",
-    "charge": "All grains at the end by size, from the front and from the side; green: the jet in closed form",
-    "curves": "By sector, over time, over the belt's height; the belt's section and the jet's spread",
-    "wear": "What the walls bear: energy of the grains that struck them (left), load at the end (right)",
-    "plant": "The plant as it was simulated",
-}
 FILES: Mapping[str, str] = {
     "report": "Report, one page to keep (HTML)",
     "summary": "Every number (JSON)",
