@@ -32,6 +32,8 @@ from tests.faults.proxy import BlackHole
 ROOT = Path(__file__).resolve().parents[2]
 # Kernels may have to be compiled, and every core may be busy.
 START_SECONDS = 300.0
+# Often enough to lose no time, seldom enough to take none from the workers.
+POLL_S = 0.25
 DISK_BYTES = 192 * 2**20
 POSTGRES_SOCKET = ".s.PGSQL.5432"
 CLOCK_WORKER = "worker-1"
@@ -195,7 +197,7 @@ class Rig:
             if time.monotonic() > deadline:
                 words = "\n".join(process.last_words() for process in self.processes.values())
                 raise AssertionError(f"{what}: not within {seconds:g} s\n{words}")
-            time.sleep(0.05)
+            time.sleep(POLL_S)
 
     def close(self) -> None:
         for process in self.processes.values():
