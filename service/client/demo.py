@@ -86,7 +86,7 @@ def conduct(
 def give_up_if_paused(client: Client, study_id: int, console: Console) -> None:
     """Nobody sits by the demo to look at failures and resume: the study ends with what it has measured."""
     study = client.study(study_id)
-    if study["state"] != "paused":
+    if not waits_for_nobody(study):
         return
     console.print(f"Paused: {study['pause']['text']}", highlight=False, soft_wrap=True)
     client.cancel_study(study_id)
@@ -94,8 +94,14 @@ def give_up_if_paused(client: Client, study_id: int, console: Console) -> None:
         pass
 
 
+def waits_for_nobody(study: Mapping[str, Any]) -> bool:
+    """Paused, and not by a user: who paused it is there to resume it."""
+    return bool(study["state"] == "paused" and study["pause"]["reason"] != "user")
+
+
 def follow(client: Client, study: Mapping[str, Any], console: Console) -> None:
-    """Shows the study until it is over or paused: a live table in a terminal, elsewhere a line per design."""
+    """Shows the study until it is over, or paused for its failures: a live table in a terminal, elsewhere a line
+    per design."""
     view = StudyView.of(study, time.monotonic())
     spec = study["spec"]
     lower, upper = spec["responses"][0]["window"]
@@ -109,13 +115,13 @@ def follow(client: Client, study: Mapping[str, Any], console: Console) -> None:
             line = view.fold(event)
             if line is not None and line.is_over and event.kind != "progress":
                 console.print(plain_line(view, line, time.monotonic()), highlight=False, soft_wrap=True)
-            if view.state == "paused":
+            if view.state == "paused" and waits_for_nobody(client.study(study["id"])):
                 return
         return
     with Live(LiveTable(view, title), console=console, refresh_per_second=2, vertical_overflow="crop"):
         for event in client.events(study["id"]):
             view.fold(event)
-            if view.state == "paused":
+            if view.state == "paused" and waits_for_nobody(client.study(study["id"])):
                 return
 
 

@@ -84,6 +84,8 @@ class StudyView:
         self.budget = int(data.get("budget", self.budget))
         self.stop_reason = data.get("stop_reason") or self.stop_reason
         self.stop_text = data.get("stop_text") or self.stop_text
+        if event.kind == "study_goes_on":
+            self.stop_reason = self.stop_text = None
         return None
 
     def _fold_design(self, event: Event) -> DesignLine | None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from rich.console import Console
 
-from service.client.demo import DemoOptions, summarise, tell
+from service.client.demo import DemoOptions, follow, summarise, tell
+from service.client.rest import Client, Event
 
 STUDY: dict[str, Any] = {
     "id": 4,
@@ -84,6 +86,37 @@ def test_a_study_without_an_angle_among_its_responses_tells_what_it_has() -> Non
     found = {"x": {"rolling_resistance": 0.3}, "certified": True, "responses": mass}
     study = {**STUDY, "recommendation": found, "noise": None}
     assert "mass_on_base_kg 12.35 kg, certified: within ±0.5 kg (90 %)." in told(summarise(study, 1.0), study)
+
+
+class Played(Client):
+    """A service whose study is paused for `reason`, and goes on where it can."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__("http://nowhere.invalid")
+        self.reason = reason
+        self.told: list[str] = []
+
+    def study(self, study_id: int) -> dict[str, Any]:
+        return {"state": "paused", "pause": {"reason": self.reason, "text": "why"}}
+
+    def events(self, study_id: int) -> Iterator[Event]:
+        for kind, state in (("study_paused", "paused"), ("study_resumed", "running"), ("end", "completed")):
+            self.told.append(kind)
+            yield Event(kind, {"state": state}, "1")
+
+
+@pytest.mark.parametrize(
+    ("reason", "heard"),
+    [("user", ["study_paused", "study_resumed", "end"]), ("too_many_failures", ["study_paused"])],
+)
+@pytest.mark.parametrize("is_terminal", [False, True])
+def test_a_users_pause_is_waited_for_and_no_other(reason: str, heard: list[str], is_terminal: bool) -> None:
+    """Who paused it is there to resume it; nobody looks at the failures of a demo."""
+    study = {**STUDY, "budget": 4, "spec": {**STUDY["spec"], "seed": 1, "variables": {}}}
+    console = Console(file=io.StringIO(), force_terminal=is_terminal, width=100)
+    with Played(reason) as client:
+        follow(client, study, console)
+    assert client.told == heard
 
 
 def told(outcome: dict[str, Any], study: dict[str, Any]) -> str:

@@ -62,6 +62,12 @@ def test_progress_of_an_unknown_design_is_ignored(view: StudyView) -> None:
     assert view.designs == {}
 
 
+def test_a_stop_that_was_taken_back_is_forgotten(view: StudyView) -> None:
+    view.fold(Event("study_stopping", {"state": "finishing", "stop_reason": "certified", "stop_text": "so"}))
+    view.fold(Event("study_goes_on", {"state": "running"}))
+    assert (view.state, view.stop_reason, view.stop_text) == ("running", None, None)
+
+
 def test_the_end_is_told(view: StudyView) -> None:
     data = {"study_id": 1, "state": "completed", "stop_reason": "certified", "stop_text": "within 0.5"}
     view.fold(Event("study_finished", data, "9"))
