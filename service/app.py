@@ -17,6 +17,7 @@ from service.api import (
     controls,
     designs,
     diagnoses,
+    effects,
     events,
     exports,
     geometries,
@@ -31,7 +32,7 @@ from service.api import (
 from service.api.authentication import Gate
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
-from service.dashboard import assets, login, pages
+from service.dashboard import assets, diagnosis_page, login, pages
 from service.db.session import Database
 from service.logs import configure_logs
 from service.settings import Settings, get_settings
@@ -49,6 +50,7 @@ MODULES = (
     charge_comparison,
     charges,
     diagnoses,
+    effects,
     geometries,
     jobs,
     keys,
@@ -86,9 +88,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.include_router(module.router)
     app.include_router(login.router)
     app.include_router(pages.router)
+    app.include_router(diagnosis_page.router)
     app.include_router(assets.router)
     install_handlers(app)
+<<<<<<< HEAD
     large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH, geometries.GEOMETRIES_PATH)
+=======
+    large = (exports.IMPORT_PATH, geometries.GEOMETRIES_PATH, diagnoses.MEASUREMENTS_PATH)
+>>>>>>> f306fb6 (Floors from another code's piles, model versions in studies, the library by REST, pages of diagnoses, runs without a pile are left out)
     by_path = dict.fromkeys(large, settings.max_import_bytes)
     app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes, by_path=by_path)
     # The last one added is the outermost: a body is read of nobody who may not send it.

@@ -18,7 +18,7 @@ from demcore.errors import Cancelled
 from demcore.experiments.pile_case import PileTest
 from demcore.identity import identity
 from service.db.session import Database
-from service.domain.data_set.records import DataSet
+from service.domain.data_set.records import Condition, DataSet
 from service.domain.diagnosis import DiagnosisOutcome, DiagnosisSpec, Extension, expected_cost
 from service.domain.outcome import StoredArtifact
 from service.settings import Settings
@@ -105,11 +105,14 @@ class Model(NamedTuple):
 
     simulator: Simulator
     floor: Floor
+    sentences: tuple[str, ...] = ()
 
 
-def model_of(spec: DiagnosisSpec, runner: Runner) -> Model:
+def model_of(spec: DiagnosisSpec, runner: Runner, conditions: Sequence[Condition]) -> Model:
     """demcore's piles."""
-    return Model(PileSimulator(runner, spec.grains, spec.contact_model), pile_floor())
+    floor, lacking = pile_floor(spec.contact_model, conditions)
+    sentences = (lacking,) if lacking else ()
+    return Model(PileSimulator(runner, spec.grains, spec.contact_model), floor, sentences)
 
 
 def evaluate_diagnosis(
@@ -118,7 +121,7 @@ def evaluate_diagnosis(
     """Diagnose the claimed data set. Raises Cancelled after a False of `report`."""
     spec = claim.spec
     runner = StoredRuns(database, report, expected_cost(spec, claim.data.conditions).runs)
-    simulator, floor = model_of(spec, runner)
+    simulator, floor, warnings = model_of(spec, runner, claim.data.conditions)
     options = Options(
         floor=floor,
         first_wave=spec.first_wave,
@@ -132,7 +135,7 @@ def evaluate_diagnosis(
     found = diagnose(claim.data, simulator, options, stored)
     result, sentences = _gained(claim, database, simulator, found, options)
     self_tests = _self_tests(simulator, found, options)
-    sentences = (*sentences, *(_failed(test) for test in self_tests if not test.passed))
+    sentences = (*warnings, *sentences, *(_failed(test) for test in self_tests if not test.passed))
     if found.analysis is not None and found.measured is not None:
         result = replace(
             result, next_measurement=next_measurements(found.analysis, found.measured, spec.seed)

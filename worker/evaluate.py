@@ -15,6 +15,7 @@ from typing import Any
 
 from demcore.errors import Cancelled
 from demcore.experiments.pile_case import ContactParameters, PileTest
+from demcore.experiments.pile_effects import with_effects
 from demcore.experiments.pile_result import PileResult
 from demcore.experiments.pile_test import run_pile_test
 from demcore.material import load_material
@@ -93,9 +94,12 @@ def pile_test(claim: Claim) -> PileTest:
 
 
 def test_of(spec: StudySpec, x: Sequence[float], scale: float) -> PileTest:
-    """The virtual experiment of a design: what the study says of it, else defaults; a mix takes one set of
-    parameters for all its contacts. Raises demcore.errors.InputError for values that contradict each other."""
-    return PileTest(
+    """The virtual experiment of a design: what the study says of it, else defaults, with the effects of its
+    version of the model; a mix takes one set of parameters for all its contacts.
+
+    Raises demcore.errors.InputError for values that contradict each other.
+    """
+    ideal = PileTest(
         material=load_material(spec.material),
         rig=load_rig(spec.material),
         parameters=ContactParameters(**{**default_values(), **spec.parameters_of(tuple(x))}),
@@ -103,6 +107,7 @@ def test_of(spec: StudySpec, x: Sequence[float], scale: float) -> PileTest:
         fill_level=spec.fill_level,
         time_step=spec.time_step,
     )
+    return ideal if spec.model is None else with_effects(ideal, spec.model.effects)
 
 
 def as_progress(progress: Progress) -> dict[str, Any]:

@@ -16,23 +16,21 @@ import numpy as np
 from demcore.errors import BlowUp, NeverSettles, NoResult
 from demcore.experiments.contact_parameters import ContactParameters
 from demcore.experiments.pile_case import PileTest
-from demcore.experiments.pile_effects import EFFECTS, with_effect, with_effects
+from demcore.experiments.pile_effects import with_effect, with_effects
 from demcore.experiments.pile_result import PileResult
 from demcore.experiments.pile_test import run_pile_test
 from demcore.identity import identity
 from demcore.observables.repose_angle import scan_heights
 from demcore.run import OnProgress
 from service.domain.data_set.records import Condition
-from service.domain.measured_pile import cannot_simulate, measured_pile, rig_of
+from service.domain.effects import Library, library
+from service.domain.measured_pile import acting_effects, cannot_simulate, measured_pile, rig_of
 from service.domain.search_space import default_space
-from worker.diagnosis.library import Library, library
 from worker.diagnosis.sensors import is_sensor, misread, misread_surface
 from worker.diagnosis.simulator import FloatArray, Outcomes, Parameter, Setting, Surfaces
 
 SECTORS, RINGS = 24, 10
 GRAINS = 600
-# The library states the cohesion of a bulk of so much water; below it the bridges are fewer in proportion.
-MOISTURE_OF_COHESION = 4.0
 
 OBSERVABLES: Mapping[str, str] = {
     "repose_angle_deg": "angle_deg",
@@ -168,12 +166,4 @@ class PileSimulator:
         )
         ideal = replace(ideal, time_step_factor=math.exp(-own.get("self_time_step", 0.0)))
         ideal = with_effect(ideal, "soft_stiffness", own.get("self_stiffness", 0.0))
-        return with_effects(ideal, self._acting(condition, setting))
-
-    def _acting(self, condition: Condition, setting: Setting) -> dict[str, float]:
-        """What a simulation makes of the effects in scope; cohesion in proportion to the water that there is."""
-        in_scope = {key for e in self.known.effects if e.acts_on(condition) for key in e.keys}
-        given = {k: a for k, a in setting.effects if a and k in in_scope and k.partition("@")[0] in EFFECTS}
-        if "cohesion" in given:
-            given["cohesion"] *= min(condition.moisture_percent / MOISTURE_OF_COHESION, 1.0)
-        return given
+        return with_effects(ideal, acting_effects(self.known, condition, own))

@@ -8,21 +8,29 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
+from demcore.case import Numerics
 from demcore.errors import InputError
 from demcore.experiments.contact_parameters import ContactParameters
 from demcore.experiments.pile_case import PileTest
+from demcore.experiments.pile_effects import EFFECTS
 from demcore.experiments.pile_setting import PileSetting
 from demcore.material import Material, SizeClass, SizeDistribution, load_material, material_names
 from demcore.rig import Rig, load_rig
 from service.domain.data_set.records import Condition, Psd
+from service.domain.effects import Library
 from service.domain.search_space import default_values
 
 # A stated size stands for a class of this half width, so that equal grains do not crystallise.
 HALF_WIDTH = 1.1
 # Less of the cylinder than this is no pile test.
 LEAST_FILL = 0.05
+# The library states the cohesion of a bulk of so much water; below it the bridges are fewer in proportion.
+MOISTURE_OF_COHESION = 4.0
+# Neighbour lists of so few grains are cheap to go through and dear to make: a run takes two thirds of the time.
+FEW_GRAINS, LONG_SKIN = 1000, 2.0
 
 
 def measured_pile(
@@ -34,10 +42,12 @@ def measured_pile(
     if not LEAST_FILL * full <= condition.mass_kg <= full:
         allowed = f"{LEAST_FILL * full:.4g} to {full:.4g} kg, what the cylinder holds at the bulk density"
         raise InputError("mass_kg", condition.mass_kg, allowed)
+    numerics = Numerics(skin_share=LONG_SKIN) if grains <= FEW_GRAINS else Numerics()
     return PileTest(
         material,
         rig,
         parameters,
+        numerics=numerics,
         scale=_scale(condition, material, grains),
         seed=seed,
         fill_level=condition.mass_kg / full,
@@ -58,6 +68,21 @@ def cannot_simulate(condition: Condition, grains: int, contact_model: str) -> st
     except InputError as error:
         return str(error)
     return None
+
+
+def pile_scale(condition: Condition, grains: int) -> float:
+    """How many times coarser than stated the grains of a condition are simulated."""
+    return _scale(condition, material_of(condition), grains)
+
+
+def acting_effects(known: Library, condition: Condition, amplitudes: Mapping[str, float]) -> dict[str, float]:
+    """What a simulation makes of amplitudes by effect key in a condition: those in scope and not 0, cohesion in
+    proportion to the water that there is."""
+    in_scope = {key for e in known.effects if e.acts_on(condition) for key in e.keys}
+    given = {k: a for k, a in amplitudes.items() if a and k in in_scope and k.partition("@")[0] in EFFECTS}
+    if "cohesion" in given:
+        given["cohesion"] *= min(condition.moisture_percent / MOISTURE_OF_COHESION, 1.0)
+    return given
 
 
 def _scale(condition: Condition, material: Material, grains: int) -> float:

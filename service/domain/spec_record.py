@@ -11,6 +11,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from service.domain.model_use import ModelUse
 from service.domain.observables import ANGLE
 from service.domain.search_space import SearchSpace, Variable
 from service.domain.study import CoarsePrior, Response, StudySpec, TableRow
@@ -46,6 +47,8 @@ def spec_to_record(spec: StudySpec) -> dict[str, Any]:
         ],
         "coarse": None if coarse is None else {"scale": coarse.scale, "runs": coarse.runs},
         "warm_start": list(spec.warm_start),
+        # Left out where there is none, as in every record before there were versions.
+        **({} if spec.model is None else {"model": spec.model.as_record()}),
     }
 
 
@@ -93,6 +96,7 @@ def spec_from_record(record: Mapping[str, Any]) -> StudySpec:
         table=tuple(TableRow(row["x"], row["results"]) for row in stored["table"]),
         coarse=None if stored["coarse"] is None else CoarsePrior(**stored["coarse"]),
         warm_start=tuple(stored["warm_start"]),
+        model=ModelUse(**stored["model"]) if stored.get("model") else None,
         **{name: stored[name] for name in PLAIN_FIELDS},
     )
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,6 +12,7 @@ from types import MappingProxyType
 
 from service.domain import derived as expressions
 from service.domain.errors import InvalidValue
+from service.domain.model_use import ModelUse
 from service.domain.observables import OBSERVABLES, NoiseLevel, Observable
 from service.domain.search_space import PARAMETERS, SearchSpace
 from service.domain.strategy import MODEL_BASED, STRATEGIES, least_budget
@@ -106,7 +109,7 @@ class StudySpec:
     1 to n - parallel, whoever finished first, so that the same seed gives the same designs whatever dies.
     `derived` holds expressions of other parameters by the parameter that they give. The rows of `table` are run
     by the strategy `table`; those with results are known designs for any strategy. `warm_start` names stored
-    studies of the same test.
+    studies of the same test. `model`: a version of the model that the piles are simulated with.
     """
 
     material: str
@@ -126,6 +129,7 @@ class StudySpec:
     warm_start: tuple[int, ...] = ()
     fill_level: float = 1.0
     time_step: str = "fast"
+    model: ModelUse | None = None
 
     def __post_init__(self) -> None:
         _within("scale", self.scale, 0.5, 8.0)
@@ -145,6 +149,14 @@ class StudySpec:
         _check_strategy(self)
         _check_table(self)
         _check_help(self)
+
+    @property
+    def space_hash(self) -> str:
+        """Of what is searched, and with which version of the model."""
+        if self.model is None:
+            return self.space.hash
+        model = json.dumps(self.model.as_record(), sort_keys=True)
+        return hashlib.sha256(f"{self.space.hash} {model}".encode()).hexdigest()
 
     @property
     def primary(self) -> Response:

@@ -17,6 +17,7 @@ from service.domain.states import DesignState, StudyState
 from service.domain.study import StudySpec, refuse_tolerance_below_noise
 from service.studies.advance_study import advance_study
 from service.studies.record_event import record_design_event, record_study_event
+from service.studies.use_model import use_model
 from service.studies.warm_start import check_warm_start, earlier_studies, pooled_noise
 
 
@@ -29,9 +30,10 @@ def create_study(
 ) -> tuple[StudyRow, bool]:
     """The study's row, and whether it is new: the same key and spec give the stored study again.
 
-    Raises InvalidValue for a tolerance under half the noise, and for a warm start from a study that it cannot
-    start from.
+    Raises InvalidValue for a tolerance under half the noise, for a warm start from a study that it cannot start
+    from, and for a version of the model that does not fit.
     """
+    spec = use_model(session, spec)
     check_warm_start(session, spec)
     refuse_tolerance_below_noise(spec, pooled_noise(earlier_studies(session, spec)))
     record = spec_to_record(spec)
@@ -40,7 +42,7 @@ def create_study(
         state=StudyState.RUNNING,
         material=spec.material,
         spec=record,
-        space_hash=spec.space.hash,
+        space_hash=spec.space_hash,
         seed=spec.seed,
         budget=spec.budget,
         idempotency_key=idempotency_key,

@@ -135,7 +135,7 @@ def _study_row(file: StudyFile, spec: StudySpec) -> StudyRow:
         state=record.state if ended else StudyState.CANCELLED,
         material=spec.material,
         spec=record.spec,
-        space_hash=spec.space.hash,
+        space_hash=spec.space_hash,
         seed=spec.seed,
         budget=spec.budget,
         feasible=counts[Verdict.FEASIBLE],

@@ -1,7 +1,8 @@
 """Earlier studies of the same test that a study starts from: which may, and what they know.
 
-The same test: material (and with it the rig), scale, fill level and time step; and designs that say the same of
-every parameter that this study does not search. Such a study is over, so that what it knows never changes.
+The same test: material (and with it the rig), scale, fill level, time step and version of the model; and designs
+that say the same of every parameter that this study does not search. Such a study is over, so that what it knows
+never changes.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ from sqlalchemy.orm import Session
 from service.db.models import DesignRow, StudyRow
 from service.domain.errors import InvalidValue
 from service.domain.history import FinishedDesign, WarmHistory
+from service.domain.model_use import ModelUse
 from service.domain.noise import pooled
 from service.domain.observables import NoiseLevel
 from service.domain.spec_record import spec_from_record
 from service.domain.states import DesignState, is_over
 from service.domain.study import StudySpec
 
-PROTOCOL = ("material", "scale", "fill_level", "time_step")
+PROTOCOL = ("material", "scale", "fill_level", "time_step", "model")
 
 
 def check_warm_start(session: Session, spec: StudySpec) -> None:
@@ -38,12 +40,16 @@ def check_warm_start(session: Session, spec: StudySpec) -> None:
         for name in PROTOCOL:
             here, there = getattr(spec, name), getattr(source, name)
             if here != there:
-                allowed = f"a study of the same test: its {name} is {there}, here it is {here}"
+                allowed = f"a study of the same test: its {name} is {_told(there)}, here it is {_told(here)}"
                 raise InvalidValue("warm_start", study_id, allowed)
         designs = _designs(session, study_id)
         if not any(_translated(spec, source, design) for design in designs if design.responses):
             allowed = "a study with a result inside this study's space, all its other parameters alike"
             raise InvalidValue("warm_start", study_id, f"{allowed}{_difference(spec, source)}")
+
+
+def _told(value: object) -> object:
+    return value.name if isinstance(value, ModelUse) else "the baseline" if value is None else value
 
 
 def read_warm_start(session: Session, study: StudyRow) -> tuple[WarmHistory, ...]:

@@ -24,7 +24,15 @@ from tests.diagnosis.truth import EFFECTS, SCATTER, correlation, observe
 
 HERE = Path(__file__).parent
 ALLOWED = ("service.domain.data_set", "tests.diagnosis")
-HIDES = ("truth.py", "hider.py", "scorer.py", "tier.py")
+HIDES = (
+    "truth.py",
+    "hider.py",
+    "scorer.py",
+    "tier.py",
+    "piles/bank.py",
+    "piles/heap_reading.py",
+    "piles/liggghts_pile.py",
+)
 
 
 def a_plan(seed: int) -> Plan:

@@ -22,6 +22,7 @@ from service.db.models import ModelVersionRow, NullCalibrationRow, SimulatorRunR
 from service.db.read_diagnoses import open_diagnosis
 from service.db.session import Database
 from service.domain.data_set.records import Condition
+from service.domain.effects import library
 from service.domain.states import DesignState
 from service.studies import create_diagnosis
 from service.studies.cancel_job import cancel_job
@@ -40,7 +41,6 @@ from worker import diagnose as worker_diagnose
 from worker import pile_simulator, process
 from worker.diagnosis.diagnose import Options, effect_free_misfits
 from worker.diagnosis.floor import Floor, estimate_floor
-from worker.diagnosis.library import library
 from worker.diagnosis.stand_in import StandIn
 from worker.pile_simulator import NOTHING, PileReading
 
@@ -68,9 +68,7 @@ def floor() -> Floor:
 @pytest.fixture
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """In place of the DEM, which has no charges."""
-    monkeypatch.setattr(
-        worker_diagnose, "model_of", lambda _spec, _runner: worker_diagnose.Model(StandIn(), floor())
-    )
+    monkeypatch.setattr(worker_diagnose, "model_of", lambda *_: worker_diagnose.Model(StandIn(), floor()))
     monkeypatch.setattr(create_diagnosis, "cannot_simulate", lambda *_: None)
 
 

@@ -13,8 +13,8 @@ import pytest
 from demcore.errors import NoResult
 from demcore.experiments.pile_case import PileTest
 from service.domain.data_set.records import Condition
+from service.domain.effects import library
 from service.domain.measured_pile import size_classes
-from worker.diagnosis.library import library
 from worker.diagnosis.sensors import SENSOR_EFFECTS
 from worker.diagnosis.simulator import Setting
 from worker.pile_simulator import (

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from service.domain.effects import Library
 from worker.diagnosis.calibration import Linearised, linearise
 from worker.diagnosis.fingerprints import Fingerprints
-from worker.diagnosis.library import Library
 from worker.diagnosis.model import Model
 from worker.diagnosis.ranking import Evidence, Ranking
 from worker.diagnosis.simulator import FloatArray

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from service.domain.data_set.records import DataSet
+from service.domain.effects import library
 from service.domain.errors import InvalidValue
 from worker.diagnosis.diagnose import Diagnosis, Options, diagnose, effect_free_misfits
 from worker.diagnosis.floor import Floor, estimate_floor
 from worker.diagnosis.gain import held_out_gain, with_gain
-from worker.diagnosis.library import library
 from worker.diagnosis.next_measurement import next_measurements
 from worker.diagnosis.null_calibration import NullCalibration
 from worker.diagnosis.result import Result

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from service.domain.effects import Library
 from worker.diagnosis.diagnose import Diagnosis
 from worker.diagnosis.gain import fit_linear, named_directions
-from worker.diagnosis.library import Library
 from worker.diagnosis.measured import Frame
 from worker.diagnosis.result import AMBIGUOUS, CLAIM_FROM, NO_MISFIT, REFUSED, UNEXPLAINED, Claim, Result
 from worker.diagnosis.simulator import FloatArray

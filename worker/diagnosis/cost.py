@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from service.domain.data_set.records import Condition
+from service.domain.effects import Library
 from worker.diagnosis.fingerprints import BASELINE_SEEDS, MOST_REFINED, REFINED_SEEDS, SCREENING_SEEDS
-from worker.diagnosis.library import Library
 from worker.diagnosis.null_calibration import BANK, POINTS
 from worker.diagnosis.simulator import Outcomes, Parameter, Setting, Simulator
 

@@ -15,13 +15,13 @@ from service.domain.data_set.cells import BadCell, BadDataSet
 from service.domain.data_set.columns import CONDITIONS
 from service.domain.data_set.records import Condition, DataSet
 from service.domain.data_set.suitability import suitability
+from service.domain.effects import Library, library
 from service.domain.errors import InvalidValue
 from worker.diagnosis.analysis import Analysis, Setup, analyse, expected_theta
 from worker.diagnosis.calibration import calibrate, linearise
 from worker.diagnosis.cost import Counted
 from worker.diagnosis.fingerprints import MOST_REFINED, Prober, refine, screen
 from worker.diagnosis.floor import NO_FLOOR, Floor, Misfits
-from worker.diagnosis.library import Library, library
 from worker.diagnosis.limits import Power, power
 from worker.diagnosis.measured import Frame, Measured, measure, replicate_tables, stated_sd
 from worker.diagnosis.model import Model, Runs, build_model, materials_of, represented, run_effect_free
@@ -180,7 +180,8 @@ def first_waves(simulator: Simulator, frame: Frame, options: Options) -> dict[st
 
 
 def build_baseline(simulator: Simulator, measured: Measured, options: Options) -> Baseline:
-    """Two waves: over the box, then about the re-calibrated parameters (rule 3).
+    """Two waves: over the box, then about the re-calibrated parameters (rule 3); the first alone where the second
+    has no run.
 
     Raises InvalidValue where the simulator gives none of the summaries that were measured.
     """
@@ -195,6 +196,8 @@ def build_baseline(simulator: Simulator, measured: Measured, options: Options) -
     floor = options.floor.covariance(frame)
     model = build_model(frame, runs, d, options.first_wave)
     theta = calibrate(model, measured.y, measured.S + floor)
+    if not options.second_wave:
+        return Baseline(model, measured, floor, theta)
     posterior = linearise(model, measured.y, measured.S + floor, theta).posterior
     spread = 1.5 * np.sqrt(np.diag(posterior)) + 0.03
     for k, material in enumerate(model.materials):

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from worker.diagnosis.library import Effect, Library
+from service.domain.effects import Effect, Library
 from worker.diagnosis.measured import Frame, NDArrayBool
 from worker.diagnosis.model import Model, physical
 from worker.diagnosis.simulator import FloatArray, Setting, Simulator
@@ -59,6 +59,11 @@ def shrink(f: FloatArray, variance: FloatArray) -> FloatArray:
     return np.asarray(f * np.maximum(factor, 0.0))
 
 
+def change(active: NDArrayBool, probed: FloatArray, baseline: FloatArray, amplitude: float) -> FloatArray:
+    """What a unit of the effect changes (N,); 0 out of scope, and where no run gave the cell."""
+    return np.nan_to_num(np.where(active, (probed - baseline) / amplitude, 0.0))
+
+
 class Prober:
     """Runs a simulator at parameters theta and returns means over seeds in the cells of a model's frame."""
 
@@ -68,7 +73,8 @@ class Prober:
     def means(
         self, theta: FloatArray, effects: Mapping[str, float], seeds: int, active: NDArrayBool
     ) -> FloatArray:
-        """Mean cells (N,) at theta (D,); 0 where not `active` (N,), whose conditions are not run."""
+        """Mean cells (N,) at theta (D,) over the runs that give them, NaN where none does; 0 where not `active`
+        (N,), whose conditions are not run."""
         frame, model = self._model.frame, self._model
         found = np.zeros(frame.size)
         condition, column = np.array(frame.condition), np.array(frame.column)
@@ -79,7 +85,8 @@ class Prober:
             settings = [Setting(point, tuple(effects.items()), self._seed + k) for k in range(seeds)]
             cells = np.flatnonzero(condition == c)
             table = summarise(here.test, self._simulator.run(here, settings))[:, column[cells]]
-            found[cells] = np.mean(table, axis=0)
+            seen = np.sum(np.isfinite(table), axis=0)
+            found[cells] = np.where(seen > 0, np.nansum(table, axis=0) / np.maximum(seen, 1), np.nan)
         return found
 
     def fresh(self) -> Prober:
@@ -106,7 +113,7 @@ def screen(known: Library, prober: Prober, model: Model, theta: FloatArray) -> F
         weight = (1.0 / SCREENING_SEEDS + 1.0 / BASELINE_SEEDS) / amplitude**2
         for key in effect.keys:
             probed = prober.means(theta, {key: amplitude}, SCREENING_SEEDS, active)
-            f = np.where(active, (probed - baseline) / amplitude, 0.0)
+            f = change(active, probed, baseline, amplitude)
             rows.append(shrink(f, weight * variance))
             weights.append(weight)
             actives.append(active)
@@ -125,6 +132,6 @@ def refine(
         active = prints.active[prints.row(key)]
         weight = 2.0 / REFINED_SEEDS / amplitude**2
         probed = prober.means(theta, {key: amplitude}, REFINED_SEEDS, active)
-        f = np.where(active, (probed - baseline) / amplitude, 0.0)
+        f = change(active, probed, baseline, amplitude)
         prints = prints.replaced(key, shrink(f, weight * variance), weight)
     return prints

@@ -23,7 +23,7 @@ from service.domain.errors import InvalidValue
 from worker.diagnosis.calibration import PRIOR_VARIANCE
 from worker.diagnosis.diagnose import Diagnosis, Options
 from worker.diagnosis.evidence import FORM_ERROR
-from worker.diagnosis.fingerprints import REFINED_SEEDS, Prober, scope_of, shrink
+from worker.diagnosis.fingerprints import REFINED_SEEDS, Prober, change, scope_of, shrink
 from worker.diagnosis.measured import Measured, measure, replicate_tables, stated_sd
 from worker.diagnosis.model import Model, Runs, build_model, represented, run_effect_free
 from worker.diagnosis.null_calibration import aligned
@@ -122,7 +122,7 @@ def _held_out(data: DataSet, simulator: Simulator, found: Diagnosis, options: Op
         found_runs = run_effect_free(simulator, mine, emulator.u, options.seed * 1000 + 8 * 10**6)
         runs[material] = Runs(emulator.u, found_runs.tables)
     frame = represented(frame, runs)
-    model = build_model(frame, runs, setup.model.dimension, setup.model.last_wave, materials)
+    model = build_model(frame, runs, setup.model.dimension, max(setup.model.last_waves), materials)
     measured = aligned(measured, frame)
     return _Held(measured, model, measured.S + options.floor.covariance(frame))
 
@@ -166,7 +166,7 @@ def _fingerprints(
         amplitudes = {key: size * part for key, part in directions.along[row].items()}
         probed = prober.means(fit.theta, amplitudes, REFINED_SEEDS, active)
         variance = 2.0 / REFINED_SEEDS / size**2 * np.diag(held.model.run_covariance)
-        columns.append(shrink(np.where(active, (probed - baseline) / size, 0.0), variance))
+        columns.append(shrink(change(active, probed, baseline, size), variance))
     return np.array(columns).T
 
 

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from service.domain.data_set.records import Condition
+from service.domain.effects import Effect, Library
 from service.domain.errors import InvalidValue
 from worker.diagnosis.calibration import PRIOR_VARIANCE
 from worker.diagnosis.diagnose import Options, check_represented, first_waves
 from worker.diagnosis.evidence import whiten
 from worker.diagnosis.fingerprints import Fingerprints, Prober, screen
-from worker.diagnosis.library import Effect, Library
 from worker.diagnosis.limits import ALIKE_FROM, SIGMAS
 from worker.diagnosis.measured import Frame, NDArrayBool
 from worker.diagnosis.model import Model, build_model, represented

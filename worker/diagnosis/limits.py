@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from worker.diagnosis.library import Library
+from service.domain.effects import Library
 from worker.diagnosis.ranking import Evidence
 from worker.diagnosis.result import Limit
 from worker.diagnosis.simulator import FloatArray

@@ -7,7 +7,8 @@ Notation (M materials, d parameters each, D = M d, N cells)
     E       covariance of the emulators' errors                                           (N, N)
     C       covariance of one run's scatter, block by condition                           (N, N)
 
-Two waves (rule 3): points over the whole box, then points about the re-calibrated parameters.
+Two waves (rule 3): points over the whole box, then points about the re-calibrated parameters. A run may make no
+pile (grains that roll off the base leave none): its design teaches nothing and is left out.
 """
 
 from __future__ import annotations
@@ -18,15 +19,18 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from service.domain.data_set.records import Condition
+from service.domain.errors import InvalidValue
 from worker.diagnosis.emulator import Emulator, fit
 from worker.diagnosis.measured import Frame
 from worker.diagnosis.simulator import FloatArray, Setting, Simulator
 from worker.diagnosis.summaries import summarise
 
-# A cell whose summary a run did not give more often than this cannot be emulated.
-_MOST_MISSING = 0.0
+# A cell whose summary more of the runs do not give cannot be emulated; nor can a material with fewer whole runs.
+_MOST_MISSING = 0.4
+LEAST_RUNS = 10
 
 
 class Runs(NamedTuple):
@@ -70,7 +74,7 @@ class Model:
     materials: tuple[str, ...]
     emulators: tuple[Emulator, ...]
     dimension: int
-    last_wave: int
+    last_waves: tuple[int, ...]
 
     @cached_property
     def _cells(self) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.intp]], ...]:
@@ -129,11 +133,12 @@ class Model:
     @property
     def coverage(self) -> float:
         """Share of the last wave's runs in their leave-one-out 90 % bands; the worst material's."""
-        return min(emulator.coverage(self.last_wave) for emulator in self.emulators)
+        pairs = zip(self.emulators, self.last_waves, strict=True)
+        return min(emulator.coverage(last) for emulator, last in pairs)
 
 
 def represented(frame: Frame, runs: Mapping[str, Runs]) -> Frame:
-    """The cells that every run gives; what the simulator cannot say of a condition cannot be compared."""
+    """The cells that most runs give; what the simulator cannot say of a condition cannot be compared."""
     keep = np.empty(frame.size, dtype=bool)
     for cell, (c, k) in enumerate(zip(frame.condition, frame.column, strict=True)):
         condition = frame.conditions[c]
@@ -150,9 +155,12 @@ def build_model(
     materials: tuple[str, ...] | None = None,
 ) -> Model:
     """From effect-free runs by material; the last `last_wave` of each are the wave that is checked. `materials`
-    where theta has others than the frame."""
+    where theta has others than the frame.
+
+    Raises InvalidValue where fewer than LEAST_RUNS runs of a material give all of its cells.
+    """
     materials = materials_of(frame.conditions) if materials is None else materials
-    emulators = []
+    emulators, last_waves = [], []
     for material in materials:
         pairs = [
             (frame.conditions[c].condition, k)
@@ -162,5 +170,10 @@ def build_model(
         mine = runs[material]
         columns = [mine.tables[name][:, k] for name, k in pairs]
         Y = np.column_stack(columns) if columns else np.empty((len(mine.u), 0))
-        emulators.append(fit(mine.u, Y))
-    return Model(frame, materials, tuple(emulators), dimension, last_wave)
+        whole: NDArray[np.bool_] = np.all(np.isfinite(Y), axis=1)
+        if whole.sum() < LEAST_RUNS:
+            allowed = f"at least {LEAST_RUNS} that make a pile in all conditions"
+            raise InvalidValue(f"simulated runs of {material}", int(whole.sum()), allowed)
+        emulators.append(fit(mine.u[whole], Y[whole]))
+        last_waves.append(int(whole[-last_wave:].sum()))
+    return Model(frame, materials, tuple(emulators), dimension, tuple(last_waves))

@@ -88,7 +88,12 @@ def calibrate_null(
     """`plants` pseudo-plants about the analysis `found` of the data, whose replicates are `tables`."""
     stream = np.random.default_rng(np.random.SeedSequence([seed, 8]))
     points = _posterior_points(found, stream)
-    banks = [_bank(simulator, setup.model, point, seed + 7919 * (k + 1)) for k, point in enumerate(points)]
+    drawn = [_bank(simulator, setup.model, point, seed + 7919 * (k + 1)) for k, point in enumerate(points)]
+    banks = [bank for bank in drawn if all(map(len, bank.values()))]
+    if not banks:
+        raise InvalidValue(
+            "simulated runs", "none that makes a pile in all conditions", "some of the null runs"
+        )
     root = _root(setup.floor)
     shapes = [_Shape(c, measured, tables, setup.model) for c in range(len(measured.frame.conditions))]
     statistics = []
@@ -140,13 +145,15 @@ def _root(covariance: FloatArray) -> FloatArray:
 
 
 def _bank(simulator: Simulator, model: Model, theta: FloatArray, first_seed: int) -> dict[str, FloatArray]:
-    """Effect-free runs (12, m) of each condition at one point."""
+    """Effect-free runs (12, m) of each condition at one point; fewer where one gives no pile."""
     found = {}
-    for c in model.frame.conditions:
+    place, column = np.array(model.frame.condition), np.array(model.frame.column)
+    for k, c in enumerate(model.frame.conditions):
         u = theta[model.slice(model.materials.index(c.material))]
         point = physical(simulator, u[None, :])[0]
         settings = [Setting(point, (), first_seed + k) for k in range(BANK)]
-        found[c.condition] = summarise(c.test, simulator.run(c, settings))
+        table = summarise(c.test, simulator.run(c, settings))
+        found[c.condition] = table[np.isfinite(table[:, column[place == k]]).all(axis=1)]
     return found
 
 
@@ -165,7 +172,7 @@ class _Shape:
         self._pool = np.nan_to_num(measured.scatter[here.test].pool)
 
     def draw(self, bank: FloatArray, stream: np.random.Generator) -> FloatArray:
-        """Replicates (n, m) of a pseudo-plant from a bank of runs (12, m)."""
+        """Replicates (n, m) of a pseudo-plant from a bank of runs (12 or less, m)."""
         n = len(self._seen)
         x = bank[stream.choice(len(bank), n, replace=n > len(bank))].copy()
         drawn = self._pool[stream.choice(len(self._pool), n)]

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from service.domain.effects import AZIMUTHS, Library
 from worker.diagnosis import unexplained
 from worker.diagnosis.calibration import Linearised
 from worker.diagnosis.evidence import (
@@ -28,7 +29,6 @@ from worker.diagnosis.evidence import (
     whiten,
 )
 from worker.diagnosis.fingerprints import Fingerprints
-from worker.diagnosis.library import AZIMUTHS, Library
 from worker.diagnosis.simulator import FloatArray
 from worker.diagnosis.unexplained import Block
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from service.domain.effects import Library
 from worker.diagnosis.fingerprints import Prober
-from worker.diagnosis.library import Library
 from worker.diagnosis.measured import Measured
 from worker.diagnosis.model import Model
 from worker.diagnosis.simulator import FloatArray, Simulator
@@ -49,8 +49,8 @@ def run_self_tests(
     sd = np.sqrt(np.diag(measured.S))
     found = []
     for test in known.self_tests:
-        change = prober.means(theta, {test.id: test.amplitude}, SEEDS, everything) - baseline
-        shifts = np.where(np.abs(change) > _CERTAIN * sampling, np.abs(change) / sd, 0.0)
+        moved = np.abs(prober.means(theta, {test.id: test.amplitude}, SEEDS, everything) - baseline)
+        shifts = np.where(moved > _CERTAIN * sampling, moved / sd, 0.0)
         worst = int(np.argmax(shifts))
         name = model.frame.conditions[model.frame.condition[worst]].condition
         found.append(SelfTestOutcome(test.id, float(shifts[worst]), f"{name} {model.frame.summary(worst)}"))

@@ -18,7 +18,7 @@ from scipy.special import ndtr, ndtri
 
 from service.domain.data_set.columns import SECTOR_HEIGHTS, SECTOR_MASSES, SECTORS
 from service.domain.data_set.records import Condition
-from worker.diagnosis.library import Library, library
+from service.domain.effects import Library, library
 from worker.diagnosis.simulator import FloatArray, Outcomes, Parameter, Setting
 
 _G = 9.81

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from worker.diagnosis.library import Library
+from service.domain.effects import Library
 from worker.diagnosis.limits import ALIKE_FROM
 from worker.diagnosis.ranking import Ranking
 from worker.diagnosis.result import CLAIM_FROM, Possible, Where

@@ -10,13 +10,13 @@ import pytest
 
 from service.domain.data_set.cells import BadDataSet
 from service.domain.data_set.records import Condition, DataSet
+from service.domain.effects import library
 from service.domain.errors import InvalidValue
 from tests.worker.diagnosis.plants import CHARGES, QUICK, diagnosed, measured
 from worker.diagnosis.cost import estimated_runs
 from worker.diagnosis.diagnose import diagnose
 from worker.diagnosis.gain import confirmed, held_out_gain, with_gain
 from worker.diagnosis.identifiability import Plan, identifiability
-from worker.diagnosis.library import library
 from worker.diagnosis.next_measurement import next_measurements
 from worker.diagnosis.self_tests import run_self_tests
 from worker.diagnosis.simulator import Outcomes, Setting
@@ -204,3 +204,39 @@ def test_the_simulations_own_errors_come_first(shift: float, passes: bool) -> No
     assert by_id["self_time_step"].passed is passes
     assert passes or by_id["self_time_step"].cell.endswith("angle")
     assert len(outcomes) == 4
+
+
+class Failing(StandIn):
+    """Grains that hardly roll against anything make no pile, nor does now and then another run."""
+
+    def run(self, condition: Condition, settings: Sequence[Setting]) -> Outcomes:
+        found = super().run(condition, settings)
+        lost = np.array([s.parameters[1] < 0.15 or s.seed % 11 == 0 for s in settings])
+        return Outcomes({name: np.where(lost, np.nan, v) for name, v in found.values.items()}, found.surfaces)
+
+
+def test_runs_that_make_no_pile_are_left_out() -> None:
+    """Of a DEM some always fail; the verdict is that of the others."""
+    data = measured(dict([HIDDEN]))
+    found = diagnose(data, Failing(), QUICK)
+    assert found.setup is not None
+    for emulator in found.setup.model.emulators:
+        assert 10 <= len(emulator.u) < QUICK.first_wave + QUICK.second_wave
+        assert np.isfinite(emulator.left_out).all()
+    assert [claim.effect for claim in found.result.claims] == ["belt_speed"]
+    assert found.result.claims[0].amplitude.value == pytest.approx(HIDDEN[1], rel=0.3)
+    gain = held_out_gain(data, Failing(), found, QUICK)
+    assert np.isfinite(gain.log_score) and np.isfinite(gain.null_95)
+
+
+class Flat(StandIn):
+    """Never makes a pile, of any material."""
+
+    def run(self, condition: Condition, settings: Sequence[Setting]) -> Outcomes:
+        found = super().run(condition, settings)
+        return Outcomes({name: np.full(len(settings), np.nan) for name in found.values})
+
+
+def test_a_simulation_that_makes_no_pile_at_all_is_refused() -> None:
+    with pytest.raises(InvalidValue):
+        diagnose(measured({}), Flat(), QUICK)

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from service.domain.effects import library
 from tests.worker.diagnosis.plants import CHARGES, PILES, THETA
-from worker.diagnosis.library import library
 from worker.diagnosis.simulator import Setting
 from worker.diagnosis.stand_in import StandIn
 

@@ -1,4 +1,4 @@
-"""The library of effects, read from library.toml: what may be wrong with a model, and how it would be checked."""
+"""The library of effects, read from effects.toml: what may be wrong with a model, and how it would be checked."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Clause:
 
 @dataclass(frozen=True)
 class Effect:
-    """A candidate cause with one amplitude; see the head of library.toml for its fields.
+    """A candidate cause with one amplitude; see the head of effects.toml for its fields.
 
     Raises InvalidValue where the range does not hold 0 or the prior's scale is not inside it.
     """
@@ -56,6 +56,7 @@ class Effect:
     effect_class: str
     check: Check
     directions_deg: tuple[float, ...] = ()
+    is_reading: bool = False
 
     def __post_init__(self) -> None:
         if not self.lowest <= 0.0 < self.highest:
@@ -106,6 +107,9 @@ class Library:
         """The library that does not know these effects."""
         return Library(self.version, tuple(e for e in self.effects if e.id not in ids), self.self_tests)
 
+    def __contains__(self, effect: object) -> bool:
+        return any(e.id == effect for e in self.effects)
+
     def __getitem__(self, effect: str) -> Effect:
         return next(e for e in self.effects if e.id == effect)
 
@@ -118,7 +122,7 @@ class Library:
 @cache
 def library() -> Library:
     """The library that ships."""
-    with (Path(__file__).parent / "library.toml").open("rb") as file:
+    with (Path(__file__).parent / "effects.toml").open("rb") as file:
         table = tomllib.load(file)
     effects = tuple(_effect(name, entry) for name, entry in table["effects"].items())
     tests = tuple(SelfTest(name, t["what"], t["amplitude"]) for name, t in table["self_tests"].items())
@@ -139,6 +143,7 @@ def _effect(name: str, entry: Mapping[str, Any]) -> Effect:
         effect_class=entry["class"],
         check=Check(**entry["check"]),
         directions_deg=tuple(entry.get("directions_deg", ())),
+        is_reading=entry.get("acts") == "reading",
     )
 
 

@@ -7,8 +7,8 @@ import dataclasses
 import pytest
 
 from service.domain.data_set.records import Condition
+from service.domain.effects import Check, library
 from service.domain.errors import InvalidValue
-from worker.diagnosis.library import Check, library
 
 # The first column of the table in the design of the diagnosis.
 TABLE = [

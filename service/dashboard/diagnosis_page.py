@@ -1,0 +1,204 @@
+"""Diagnoses as their pages show them: a list, and each with its card, claims, limits, gain, cost and files.
+
+The routes are here too: these pages share nothing with the studies' but how a page is drawn and kept up to date.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from sqlalchemy.orm import Session
+
+from service.dashboard.pages import Before, database_of, draw_parts, parse_id, parts_answer
+from service.dashboard.rendering import PageRoute, page
+from service.dashboard.words import Word
+from service.db import read_diagnoses
+from service.db.models import ArtifactRow, DataSetRow, DiagnosisRow, JobRow
+from service.db.read_diagnoses import DiagnosisView
+from service.domain.effects import library
+from service.domain.states import OPEN_JOBS, is_over
+from service.errors import NotFound
+
+router = APIRouter(include_in_schema=False, route_class=PageRoute)
+
+PAGE_SIZE = 50
+PARTS = ("diagnosis_state", "diagnosis_card", "diagnosis_claims", "diagnosis_limits", "diagnosis_files")
+
+STATES: Mapping[str, Word] = {
+    "WAITING": Word("waiting", "Waits for a free worker."),
+    "RUNNING": Word("simulating", "A worker simulates the piles that it asks for."),
+    "COMPLETE": Word("done", "There is a verdict."),
+    "FAILED": Word("error", "It could not be carried out."),
+    "CANCELLED": Word("stopped", "A user stopped it. Its simulations stay for the next one."),
+}
+VERDICTS: Mapping[str, Word] = {
+    "no_misfit": Word("no misfit", "Nothing that these data could show is missing in the model."),
+    "named": Word("named", "The data are consistent with one cause of the library."),
+    "named_with_remainder": Word("named, with remainder", "A cause explains part of it; something is left."),
+    "ambiguous": Word(
+        "ambiguous", "Something is wrong; these data do not tell which of several causes it is."
+    ),
+    "unexplained": Word("unexplained", "Something is wrong that no cause of the library explains."),
+    "refused": Word("refused", "The data or the emulators do not carry a diagnosis."),
+}
+TONES: Mapping[str, str] = {
+    "no_misfit": "good",
+    "named": "good",
+    "named_with_remainder": "doubt",
+    "ambiguous": "doubt",
+    "unexplained": "doubt",
+    "refused": "bad",
+}
+
+
+@dataclass(frozen=True)
+class ClaimLine:
+    """One claim in words: what it is, how large, how sure, and what would settle it."""
+
+    effect: str
+    what: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    inclusion: float
+    level: str
+    check: str
+
+
+@dataclass(frozen=True)
+class DiagnosisPage:
+    """Everything that the templates of one diagnosis read."""
+
+    view: DiagnosisView
+    data_set: DataSetRow
+
+    @property
+    def diagnosis(self) -> DiagnosisRow:
+        return self.view.diagnosis
+
+    @property
+    def job(self) -> JobRow | None:
+        return self.view.job
+
+    @property
+    def result(self) -> Mapping[str, Any]:
+        return self.diagnosis.results or {}
+
+    @property
+    def is_over(self) -> bool:
+        return is_over(self.diagnosis.state)
+
+    @property
+    def can_stop(self) -> bool:
+        return self.job is not None and self.job.state in OPEN_JOBS
+
+    @property
+    def card(self) -> ArtifactRow | None:
+        return next((a for a in self.view.artifacts if a.kind == "card"), None)
+
+    @property
+    def progress(self) -> Mapping[str, Any]:
+        return (self.job.progress if self.job is not None else None) or {}
+
+    @property
+    def claims(self) -> Sequence[ClaimLine]:
+        return [_claim(claim) for claim in self.result.get("claims", ())]
+
+    @property
+    def limits(self) -> Sequence[tuple[str, str, str]]:
+        """Effect, what it is, and the amplitude from which on these data would show it."""
+        known = library()
+        return [
+            (
+                limit["effect"],
+                known[limit["effect"]].what if limit["effect"] in known else "",
+                f"{limit['detectable_from']:.3g} {_unit(limit['unit'])}".rstrip(),
+            )
+            for limit in self.result.get("limits", ())
+        ]
+
+
+def _claim(claim: Mapping[str, Any]) -> ClaimLine:
+    size, name = claim["amplitude"], claim["effect"]
+    effect = next((e for e in library().effects if e.id == name), None)
+    return ClaimLine(
+        effect=name,
+        what=name if effect is None else effect.what,
+        value=size["value"],
+        low=size["ci90"][0],
+        high=size["ci90"][1],
+        unit=_unit(size["unit"]),
+        inclusion=claim["inclusion"],
+        level=claim["level"],
+        check="" if effect is None else effect.check.what,
+    )
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def read_diagnosis_page(session: Session, diagnosis_id: int) -> DiagnosisPage | None:
+    """None where there is none."""
+    view = read_diagnoses.open_diagnosis(session, diagnosis_id)
+    if view is None:
+        return None
+    return DiagnosisPage(view, session.get_one(DataSetRow, view.diagnosis.data_set_id))
+
+
+@router.get("/diagnoses")
+def diagnoses(request: Request, before: Before = None) -> Response:
+    """All diagnoses, newest first."""
+    return page("diagnoses.html", **_list_context(request, before))
+
+
+@router.get("/diagnoses/parts")
+def diagnoses_parts(request: Request, before: Before = None) -> Response:
+    """What changes on the list."""
+    return parts_answer(0, False, draw_parts(("diagnoses",), **_list_context(request, before)))
+
+
+@router.get("/diagnoses/{diagnosis_id}")
+def diagnosis(request: Request, diagnosis_id: str) -> Response:
+    """One diagnosis."""
+    return page("diagnosis.html", **_context(request, diagnosis_id))
+
+
+@router.get("/diagnoses/{diagnosis_id}/parts")
+def diagnosis_parts(request: Request, diagnosis_id: str) -> Response:
+    """What changes on its page."""
+    context = _context(request, diagnosis_id)
+    return parts_answer(0, context["shown"].is_over, draw_parts(PARTS, **context))
+
+
+def _list_context(request: Request, before: int | None) -> dict[str, Any]:
+    with database_of(request).reading() as session:
+        views = read_diagnoses.list_diagnoses(session, PAGE_SIZE + 1, before)
+    return {
+        "views": views[:PAGE_SIZE],
+        "older": views[PAGE_SIZE - 1].diagnosis.id if len(views) > PAGE_SIZE else None,
+        "is_first": before is None,
+        "before": before,
+        "verdicts": VERDICTS,
+        "tones": TONES,
+        "states": STATES,
+    }
+
+
+def _context(request: Request, diagnosis_id: str) -> dict[str, Any]:
+    with database_of(request).reading() as session:
+        shown = read_diagnosis_page(session, parse_id(diagnosis_id, "diagnosis"))
+    if shown is None:
+        raise NotFound(f"There is no diagnosis {diagnosis_id}.")
+    return {
+        "shown": shown,
+        "diagnosis": shown.diagnosis,
+        "result": shown.result,
+        "verdicts": VERDICTS,
+        "tones": TONES,
+        "states": STATES,
+    }

@@ -1,0 +1,49 @@
+"""Look up the model version that a study names, and take its effects into what the study asks for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.db.models import DataSetRow, DiagnosisRow, ModelVersionRow
+from service.domain.data_set.stored import from_record
+from service.domain.errors import InvalidValue
+from service.domain.measured_pile import pile_scale
+from service.domain.model_fit import FoundOn, fitted
+from service.domain.model_use import FIELD
+from service.domain.study import StudySpec
+
+
+def use_model(session: Session, spec: StudySpec) -> StudySpec:
+    """The study with the amplitudes of its version; the same where it names none.
+
+    Raises InvalidValue for a name that no version has, one that was withdrawn, and one that does not fit.
+    """
+    if spec.model is None:
+        return spec
+    name = spec.model.name
+    row = session.scalars(select(ModelVersionRow).where(ModelVersionRow.name == name)).one_or_none()
+    if row is None:
+        raise InvalidValue(FIELD, name, "the name of a model version (GET /v1/model-versions)")
+    if row.withdrawn_at is not None:
+        when = datetime.fromtimestamp(row.withdrawn_at, UTC).date().isoformat()
+        raise InvalidValue(FIELD, name, f"a version that still holds: this one was withdrawn on {when}")
+    return replace(
+        spec, model=fitted(spec.model, _found_on(session, row), spec.material, spec.scale, spec.fill_level)
+    )
+
+
+def _found_on(session: Session, row: ModelVersionRow) -> FoundOn:
+    diagnosis = session.get_one(DiagnosisRow, row.diagnosis_id)
+    data = from_record(session.get_one(DataSetRow, diagnosis.data_set_id).content)
+    grains = diagnosis.spec["grains"]
+    scales = [pile_scale(c, grains) for c in data.training.conditions if c.test == "pile"]
+    return FoundOn(
+        frozenset(c.material for c in data.training.conditions),
+        diagnosis.spec["contact_model"],
+        (min(scales), max(scales)),
+        {name: float(effect["value"]) for name, effect in row.effects.items()},
+    )

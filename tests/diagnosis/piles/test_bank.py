@@ -1,0 +1,130 @@
+"""The bank of another code's piles: its readers against published numbers, its data sets, its inputs."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.domain.data_set.reading import read_data_set
+from service.domain.data_set.suitability import suitability
+from tests.diagnosis.piles.bank import (
+    BANK,
+    CONDITIONS,
+    REPLICATES,
+    data_set,
+    draw_hidden,
+    draw_truth,
+    free_sets,
+    pile_of,
+    truth_of,
+    write_tables,
+)
+from tests.diagnosis.piles.heap_reading import angle_of, readings, surface
+from tests.diagnosis.piles.liggghts_pile import Heap, input_script, loose_column, run, sizes, time_step
+
+DATA = Path(__file__).parents[2] / "data"
+TRUTH = draw_truth(1, {})
+
+
+@pytest.mark.parametrize(("seed", "expected"), [(1, 35.60), (2, 35.43)])
+def test_the_scan_reads_the_reference_piles(seed: int, expected: float) -> None:
+    """The angles of tests/data/README.md, read by another program before either reader existed."""
+    with np.load(DATA / f"liggghts_pile_seed{seed}.npz") as file:
+        heap = Heap(
+            file["position"].astype(float), file["radius"].astype(float), 1.0, np.zeros(1), np.ones(1)
+        )
+    assert angle_of(*surface(heap, 0.375), 0.375) == pytest.approx(expected, abs=0.1)
+
+
+def test_a_single_sphere_is_read_by_hand() -> None:
+    """At (.1, 0) with radius .05 on a plate of .3: apex at its top, all mass on the plate."""
+    pile = pile_of(CONDITIONS[0], TRUTH, 0)
+    heap = Heap(
+        np.array([[0.1, 0.0, 0.05]]),
+        np.array([0.05]),
+        0.4,
+        np.array([0.0, 1.0, 2.0]),
+        np.array([4.0, 2.1, 2.0]),
+    )
+    values, heights = readings(pile, heap)
+    assert values["apex_height_m"] == pytest.approx(0.1, abs=1e-3)
+    assert values["mass_on_base_kg"] == pytest.approx(pile.density * 4 / 3 * math.pi * 0.05**3)
+    assert values["heap_offset_x_m"] == pytest.approx(0.1)
+    assert values["discharge_t90_s"] == 1.0  # 1.9 of the 2 kg that leave
+    assert values["bulk_density_kg_m3"] == pytest.approx(4.0 / (math.pi * 0.175**2 * 0.4))
+    assert heights.max() < 0.1 and heights.min() == 0.0
+
+
+def test_the_column_is_loose_and_of_the_stated_mass() -> None:
+    pile, stream = pile_of(CONDITIONS[0], TRUTH, 0), np.random.default_rng(3)
+    d = sizes(pile, stream)
+    assert np.sum(pile.density * math.pi / 6 * d**3) == pytest.approx(pile.mass, rel=0.02)
+    column = loose_column(d, pile.cylinder_radius, pile.density, stream)
+    gap = np.linalg.norm(column[:, None, :3] - column[None, :, :3], axis=2)
+    gap -= column[:, None, 3] + column[None, :, 3]
+    assert gap[np.triu_indices(len(column), 1)].min() > 0.0
+    assert (np.hypot(column[:, 0], column[:, 1]) + column[:, 3]).max() < pile.cylinder_radius
+
+
+def test_the_input_says_what_is_hidden() -> None:
+    pile = pile_of(CONDITIONS[0], TRUTH, 0)
+    column = np.array([[0.0, 0.0, 0.1, 0.02], [0.0, 0.0, 0.2, 0.03]])
+    assert "sjkr" not in input_script(pile, column) and "tube" not in input_script(pile, column)
+    wet = input_script(replace(pile, surface_tension=7.0), column)
+    assert "tangential history cohesion sjkr rolling_friction" in wet  # the order that it asks for
+    rough = input_script(replace(pile, base_friction=0.9), column)
+    assert "0.9" in next(line for line in rough.splitlines() if "coefficientFriction" in line)
+    assert "move/mesh mesh tube linear 0.0 0.0 0.4" in input_script(replace(pile, lift=0.4), column)
+    assert time_step(replace(pile, density=4 * pile.density), 0.02) == pytest.approx(
+        2 * time_step(pile, 0.02)
+    )
+
+
+def test_only_wet_conditions_get_bridges_and_only_lifted_ones_another_speed() -> None:
+    cohesion, lift = (replace(TRUTH, hidden=hidden) for hidden in ({"cohesion": 1.5}, {"lift_speed": 0.5}))
+    for c in CONDITIONS:
+        assert (pile_of(c, cohesion, 0).surface_tension > 0.0) == (c.moisture_percent > 0.0)
+        stated = c.lift_speed_m_s if c.removal == "lift" else 0.0
+        assert pile_of(c, lift, 0).lift == pytest.approx(stated * math.exp(0.5))
+    # The Bond number of the library, 1.5 gamma / (rho g R^2).
+    gamma = pile_of(CONDITIONS[2], cohesion, 0).surface_tension
+    assert 1.5 * gamma / (3480.0 * 9.81 * 0.025**2) == pytest.approx(1.5)
+    assert draw_hidden("cohesion", 5) == draw_hidden("cohesion", 5) != draw_hidden("cohesion", 6)
+
+
+@pytest.mark.parametrize("name", free_sets())
+def test_a_stored_data_set_is_one_of_a_laboratory(name: str, tmp_path: Path) -> None:
+    assert truth_of(name).hidden == {}
+    data = data_set(name)
+    assert all(len(found) == REPLICATES for found in data.replicates.values())
+    judged = suitability(data)
+    assert judged.usable is not None and judged.sentences == ()
+    write_tables(data, tmp_path)
+    again = read_data_set(tmp_path)
+    assert again.conditions == data.conditions
+    assert again.observations == data.observations
+    assert len(again.profiles) == len(data.profiles)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    shutil.which("liggghts") is None, reason="needs LIGGGHTS (Debian: apt-get install liggghts)"
+)
+def test_the_bank_can_be_made_again() -> None:
+    """One run of one set, to the numbers that are stored."""
+    name = free_sets()[0]
+    pile = pile_of(CONDITIONS[0], truth_of(name), 0)
+    values, _ = readings(pile, run(pile))
+    stored = {
+        o.observable: o.value
+        for o in data_set(name).observations
+        if o.condition == "full" and o.replicate == "1"
+    }
+    for observable, value in values.items():
+        assert value == pytest.approx(stored[observable], rel=1e-4), observable
+    assert (BANK / f"{name}.npz").stat().st_size < 50_000

@@ -1,0 +1,118 @@
+"""The pages of diagnoses: the list, one that waits, one with a verdict; words for what rows hold."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from service.dashboard.diagnosis_page import STATES, TONES, VERDICTS
+from service.db.models import ArtifactRow, DiagnosisRow
+from service.db.session import Database
+from service.domain.states import DesignState
+from tests.builders.diagnoses import a_data_set, a_diagnosis
+from worker.diagnosis import result as results
+
+RESULT: dict[str, Any] = {
+    "verdict": "named",
+    "claims": [
+        {
+            "effect": "lift_speed",
+            "class": "lift_speed",
+            "inclusion": 0.991,
+            "amplitude": {"value": 0.62, "unit": "1", "ci90": [0.5, 0.74]},
+            "level": "claim",
+        }
+    ],
+    "also_possible": [{"effect": "cohesion", "inclusion": 0.03}],
+    "not_testable": ["belt_speed"],
+    "indistinguishable": [["density", "weigh_gain"]],
+    "unexplained": [],
+    "remainder": {"p_value": 0.4, "where": []},
+    "gain": {"log_score": 12.3, "null_95": 1.1, "rmse_before": 2.4, "rmse_after": 1.1},
+    "next_measurement": [{"what": "film the lift", "cost": 0.5}],
+    "cost": {"runs": 1234, "simulated": 1000},
+    "model_version": "demcore-paper-600",
+    "limits": [{"effect": "lift_speed", "detectable_from": 0.21, "unit": "1"}],
+    "p_value": 0.008,
+    "sentences": ["The floor is <assumed>."],
+    "extended_model": "baseline+lift_speed",
+}
+
+
+@pytest.fixture
+def database(sqlite_database: Database) -> Database:
+    """The client's."""
+    return sqlite_database
+
+
+@pytest.fixture
+def asked(database: Database) -> int:
+    """A diagnosis that waits."""
+    return a_diagnosis(database, a_data_set(database))
+
+
+@pytest.fixture
+def told(database: Database, asked: int) -> int:
+    """The same with a verdict and a card."""
+    with database.writing() as session:
+        row = session.get_one(DiagnosisRow, asked)
+        row.state, row.verdict, row.results = DesignState.COMPLETE, "named", RESULT
+        session.add(
+            ArtifactRow(
+                diagnosis_id=asked,
+                kind="card",
+                media_type="image/png",
+                sha256="0" * 64,
+                size_bytes=1,
+                file_name="card.png",
+                path="x",
+            )
+        )
+    return asked
+
+
+def test_without_one_the_list_says_how_to_begin(client: TestClient) -> None:
+    text = client.get("/diagnoses").text
+    assert "No diagnosis yet" in text and "talus diagnose FOLDER" in text
+
+
+def test_one_that_waits_says_what_it_will_cost(client: TestClient, asked: int) -> None:
+    text = client.get(f"/diagnoses/{asked}").text
+    assert "Waits for a free worker." in text and "There is no verdict yet." in text
+    assert "pile tests" in text  # the estimate
+    assert "data-over" not in text
+    parts = client.get(f"/diagnoses/{asked}/parts").json()
+    assert parts["is_over"] is False and "waiting" in parts["html"]["diagnosis_state"]
+    assert f'href="/diagnoses/{asked}"' in client.get("/diagnoses").text
+
+
+def test_a_verdict_is_told_in_words_with_card_limits_and_files(client: TestClient, told: int) -> None:
+    text = client.get(f"/diagnoses/{told}").text
+    assert "the cylinder was lifted at another speed than stated" in text
+    assert "0.62" in text and "0.5 and 0.74" in text and "inclusion 0.991" in text
+    assert "to confirm, film the lift" in text
+    assert "gains" in text and "12.3 nats" in text
+    assert "baseline+lift_speed" in text and "Silent in these data: belt_speed." in text
+    assert '<img src="/v1/artifacts/1"' in text and "data-over" in text
+    assert "The floor is &lt;assumed&gt;." in text
+    listed = client.get("/diagnoses").text
+    assert "lift_speed" in listed and "1234" in listed
+
+
+def test_the_policy_and_pages_that_are_not_there(client: TestClient, told: int) -> None:
+    answer = client.get(f"/diagnoses/{told}")
+    assert "script-src 'self'" in answer.headers["content-security-policy"]
+    assert " style=" not in answer.text
+    for path in ("/diagnoses/99", "/diagnoses/x", "/diagnoses/99/parts"):
+        assert client.get(path).status_code == 404
+    assert client.get("/diagnoses?before=1").text.count("There are no older diagnoses") == 1
+    assert json.loads(client.get("/diagnoses/parts").text)["is_over"] is False
+
+
+def test_every_verdict_and_state_has_its_word() -> None:
+    said = {results.NO_MISFIT, results.NAMED, results.NAMED_WITH_REMAINDER, results.AMBIGUOUS}
+    assert {*said, results.UNEXPLAINED, results.REFUSED} == set(VERDICTS) == set(TONES)
+    assert {state.value for state in DesignState} == set(STATES)
