@@ -91,11 +91,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(diagnosis_page.router)
     app.include_router(assets.router)
     install_handlers(app)
-<<<<<<< HEAD
     large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH, geometries.GEOMETRIES_PATH)
-=======
-    large = (exports.IMPORT_PATH, geometries.GEOMETRIES_PATH, diagnoses.MEASUREMENTS_PATH)
->>>>>>> f306fb6 (Floors from another code's piles, model versions in studies, the library by REST, pages of diagnoses, runs without a pile are left out)
     by_path = dict.fromkeys(large, settings.max_import_bytes)
     app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes, by_path=by_path)
     # The last one added is the outermost: a body is read of nobody who may not send it.
