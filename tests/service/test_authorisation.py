@@ -19,6 +19,7 @@ from service.db.access_reads import find_key
 from service.db.models import ArtifactRow, DesignRow, GeometryRow, JobRow, ModelVersionRow
 from service.db.session import Database
 from service.domain.access import Scope, new_key, parse_key
+from service.domain.effects import library
 from service.domain.outcome import StoredArtifact
 from service.first_key import first_key_lines
 from service.settings import Settings, get_settings
@@ -36,7 +37,7 @@ BODIES: dict[str, Any] = {
     "/v1/studies/{study_id}/designs": {"x": {"rolling_resistance": 0.2}},
     "/v1/designs/{design_id}/rerun": {"same_seed": False},
 }
-NOT_ROWS = ("{name}", "{folder}", "{key_id}")
+NOT_ROWS = ("{name}", "{folder}", "{key_id}", "{effect_id}")
 
 
 @pytest.fixture
@@ -103,6 +104,7 @@ def rows(sqlite_database: Database, settings: Settings) -> dict[str, str]:
                 "artifact_id": artifact,
                 "job_id": job,
                 "name": "pellet",
+                "effect_id": library().effects[0].id,
                 "folder": "x",
             }.items()
         }
