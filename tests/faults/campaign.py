@@ -17,6 +17,7 @@ from tests.faults.ledger import (
     VARIANTS,
     Accepted,
     Audit,
+    Counts,
     audit,
     fingerprint,
     is_settled,
@@ -28,16 +29,10 @@ Say = Callable[[str], None]
 
 
 @dataclass
-class Total:
+class Total(Counts):
     """The sum over schedules."""
 
     schedules: int = 0
-    accepted: int = 0
-    finished_once: int = 0
-    lost: int = 0
-    doubled: int = 0
-    attempts: int = 0
-    bits_equal: bool = True
     noticed_s: list[float] = field(default_factory=list)
     again_s: list[float] = field(default_factory=list)
     failed_seeds: list[int] = field(default_factory=list)

@@ -133,8 +133,8 @@ def fingerprint(session: Session, study: StudyRow) -> str:
 
 
 @dataclass
-class Audit:
-    """What an audit found."""
+class Counts:
+    """Jobs, by what became of them."""
 
     accepted: int = 0
     finished_once: int = 0
@@ -142,6 +142,12 @@ class Audit:
     doubled: int = 0
     attempts: int = 0
     bits_equal: bool = True
+
+
+@dataclass
+class Audit(Counts):
+    """What an audit found."""
+
     problems: list[str] = field(default_factory=list)
 
 
