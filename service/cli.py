@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
+from typing import Any, NoReturn
 
 import click
 from pydantic import ValidationError
@@ -97,15 +98,41 @@ def diagnose(dataset: Path, as_json: bool, **options: object) -> None:
 
     DATASET holds conditions.csv, observations.csv and, where there are, profiles.csv.
     """
+    chosen = {name: value for name, value in options.items() if value is not None}
+    _diagnose(dataset, "DATASET", as_json, chosen)
+
+
+@cli.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="the result and nothing else")
+@click.option("--replicates", type=int, help="of each test, at least 3 [default: 4]")
+@click.option(
+    "--observable", "observables", multiple=True, help="that would be read (repeatable) [default: all]"
+)
+@click.option("--candidate", "candidates", multiple=True, help="a condition not yet decided (repeatable)")
+@click.option("--grains", type=int, help="about which a simulated pile is made of")
+@click.option("--contact-model", help="paper or hertz_mindlin")
+@click.option("--first-wave", type=int, help="runs of each condition over the whole box")
+@click.option("--seed", type=int, help="the same seed gives the same answer")
+def plan(folder: Path, as_json: bool, **options: Any) -> None:
+    """Say what the tests of FOLDER/conditions.csv could show, before they are made.
+
+    Which causes would stay silent, be seen or be named, from which size on, and which candidate adds most.
+    """
+    chosen = {name: value for name, value in options.items() if value not in (None, ())}
+    asked = {name: chosen.pop(name) for name in ("replicates", "observables", "candidates") if name in chosen}
+    _diagnose(folder, "FOLDER", as_json, {**chosen, "plan": asked})
+
+
+def _diagnose(folder: Path, argument: str, as_json: bool, chosen: dict[str, Any]) -> NoReturn:
     from service.client import diagnose as diagnosis
 
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        tables = diagnosis.read_tables(dataset)
+        tables = diagnosis.read_tables(folder, planned="plan" in chosen)
     except diagnosis.NotADataSetError as error:
-        raise click.BadParameter(str(error), param_hint="DATASET") from error
-    chosen = {name: value for name, value in options.items() if value is not None}
-    name = dataset.resolve().name[:100]
+        raise click.BadParameter(str(error), param_hint=argument) from error
+    name = folder.resolve().name[:100]
     sys.exit(diagnosis.diagnose(get_settings(), name, tables, chosen, as_json, Console()))
 
 

@@ -28,7 +28,7 @@ from service.studies.record_measurement import record_measurement
 from service.studies.record_proposal import record_proposal
 from service.studies.record_recommendation import record_recommendation
 from service.studies.record_report import record_report
-from worker import charge, diagnose, evaluate, installation, optimize, process
+from worker import charge, diagnose, evaluate, installation, optimize, plan_tests, process
 from worker.app import app
 from worker.process import Attempt, StopReason
 from worker.recovery import classify, persist, retry_of
@@ -98,10 +98,12 @@ def simulate_charge(claim: ChargeClaim, attempt: Attempt, watch: Stopwatch) -> W
 
 
 def diagnose_data(claim: DiagnosisClaim, attempt: Attempt, watch: Stopwatch) -> Write:
-    """One diagnosis of a data set."""
-    outcome = diagnose.evaluate_diagnosis(
-        claim, attempt.report, installation.database(), installation.settings()
-    )
+    """One diagnosis of a data set, or what its tests could show."""
+    database = installation.database()
+    if claim.spec.plan is not None:
+        outcome = plan_tests.evaluate_plan(claim, attempt.report, database)
+    else:
+        outcome = diagnose.evaluate_diagnosis(claim, attempt.report, database, installation.settings())
     return partial(record_diagnosis, lease=claim.lease, outcome=outcome, cost=watch.cost())
 
 

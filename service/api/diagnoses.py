@@ -46,7 +46,7 @@ MEASUREMENTS_PATH = "/v1/measurements"
 def post_data_set(body: DataSetBody, response: Response, database: DatabaseDep) -> DataSetAnswer:
     """Store measured tables. Every bad cell is named; the same tables again are the same data set (200)."""
     try:
-        data = data_set_from_tables(body.tables)
+        data = data_set_from_tables(body.tables, body.planned)
     except BadDataSet as error:
         raise _refusal(error.cells) from error
     with database.writing() as session:
@@ -93,7 +93,7 @@ def get_data_set(data_set_id: RowId, database: DatabaseDep) -> DataSetAnswer:
 def post_diagnosis(
     body: DiagnosisBody, response: Response, database: DatabaseDep, idempotency_key: IdempotencyKey = None
 ) -> DiagnosisAnswer:
-    """Diagnose a data set. The answer tells what it will take."""
+    """Diagnose a data set, or with `plan` say what its tests could show. The answer tells what it will take."""
     spec = body.to_spec()
     with database.writing() as session:
         try:

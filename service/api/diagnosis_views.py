@@ -11,10 +11,11 @@ from service.api.study_parts import STRICT
 from service.api.views import ArtifactAnswer, as_utc
 from service.db.models import DataSetRow, ModelVersionRow
 from service.db.read_diagnoses import DiagnosisView
-from service.domain.diagnosis import DiagnosisSpec
+from service.domain.diagnosis import DiagnosisSpec, PlanSpec
 from service.domain.states import DesignState, JobState
 
 _DEFAULT = DiagnosisSpec(1)
+_PLAN = PlanSpec()
 
 
 class DataSetBody(BaseModel):
@@ -32,6 +33,9 @@ class DataSetBody(BaseModel):
             ],
         ),
     ]
+    planned: Annotated[
+        bool, Field(description="the tests lie ahead: conditions.csv alone is enough, and only for a plan")
+    ] = False
 
 
 class ConditionFacts(BaseModel):
@@ -77,6 +81,24 @@ class DataSetList(BaseModel):
     next_cursor: int | None = Field(description="pass it as `cursor` for the next page; null: there is none")
 
 
+class PlanBody(BaseModel):
+    """What the tests could show, instead of what is wrong. `{}` is enough."""
+
+    model_config = ConfigDict(**STRICT)
+
+    replicates: Annotated[int, Field(description="of each condition")] = _PLAN.replicates
+    observables: Annotated[
+        list[str], Field(description="that would be read, and `profiles` for whole surfaces; none: all")
+    ] = []
+    candidates: Annotated[
+        list[str], Field(description="conditions that are not decided: the best single one is sought")
+    ] = []
+
+    def to_spec(self) -> PlanSpec:
+        """What the domain is asked. Raises InvalidValue."""
+        return PlanSpec(self.replicates, tuple(self.observables), tuple(self.candidates))
+
+
 class DiagnosisBody(BaseModel):
     """A diagnosis of a data set. `{"data_set": 1}` is enough."""
 
@@ -93,10 +115,12 @@ class DiagnosisBody(BaseModel):
     )
     plants: Annotated[int, Field(description="effect-free pseudo-plants")] = _DEFAULT.plants
     seed: int = _DEFAULT.seed
+    plan: PlanBody | None = None
 
     def to_spec(self) -> DiagnosisSpec:
         """What the domain is asked. Raises InvalidValue."""
-        return DiagnosisSpec(**self.model_dump())
+        plan = None if self.plan is None else self.plan.to_spec()
+        return DiagnosisSpec(**self.model_dump(exclude={"plan"}), plan=plan)
 
 
 class DiagnosisCostBody(BaseModel):
@@ -118,7 +142,8 @@ class DiagnosisAnswer(BaseModel):
     verdict: str | None
     result: dict[str, Any] | None = Field(
         description="verdict, claims, also_possible, not_testable, indistinguishable, unexplained, remainder,"
-        " gain, next_measurement, cost, model_version; with limits, sentences and the extended model's name"
+        " gain, next_measurement, cost, model_version; with limits, sentences and the extended model's"
+        " name. Of a plan: verdict, effects, adds, sentences, cost, model_version"
     )
     failure_class: str | None
     failure_text: str | None

@@ -14,6 +14,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 from service.client.local_service import running_service
 from service.client.rest import Client
@@ -31,10 +32,11 @@ class NotADataSetError(Exception):
     """The folder holds no data set; the text names every bad cell."""
 
 
-def read_tables(folder: Path) -> dict[str, str]:
-    """The texts of the tables, checked before a service is started. Raises NotADataSetError."""
+def read_tables(folder: Path, planned: bool = False) -> dict[str, str]:
+    """The texts of the tables, checked before a service is started; of tests that lie ahead perhaps the conditions
+    alone. Raises NotADataSetError."""
     try:
-        read_data_set(folder)
+        read_data_set(folder, planned)
     except BadDataSet as error:
         raise NotADataSetError(str(error)) from error
     names = (CONDITIONS, OBSERVATIONS, PROFILES)
@@ -49,11 +51,13 @@ def diagnose(
     as_json: bool,
     console: Console,
 ) -> int:
-    """The exit status: 0 when there is a verdict. `options`: the fields of POST /v1/diagnoses that were chosen."""
+    """The exit status: 0 when there is a verdict. `options`: the fields of POST /v1/diagnoses that were chosen;
+    with `plan` among them it is told what the tests could show."""
+    is_plan = options.get("plan") is not None
     quiet = Console(stderr=True, quiet=as_json)
     with running_service(settings) as service, Client(service.url) as client:
-        data_set = client.create_data_set(name, dict(tables))
-        for sentence in data_set["sentences"]:
+        data_set = client.create_data_set(name, dict(tables), planned=is_plan)
+        for sentence in [] if is_plan else data_set["sentences"]:
             quiet.print(sentence, highlight=False)
         diagnosis = client.create_diagnosis({"data_set": data_set["id"], **options})
         quiet.print(f"Diagnosis {diagnosis['id']}: {diagnosis['cost']['text']}", highlight=False)
@@ -66,11 +70,34 @@ def diagnose(
         )
         return 1
     if as_json:
-        console.print_json(json.dumps(published(diagnosis["result"])))
+        result = diagnosis["result"]
+        console.print_json(json.dumps(result if is_plan else published(result)))
+    elif is_plan:
+        tell_plan(diagnosis["result"], console)
     else:
         for line in lines(diagnosis["result"]):
             console.print(line, highlight=False, soft_wrap=True)
     return 0
+
+
+def tell_plan(result: Mapping[str, Any], console: Console) -> None:
+    """What planned tests could show: a line for each cause, then the sentences."""
+    table = Table(box=None, pad_edge=False)
+    for name in ("cause", "could be", "seen from", "named from", "mistaken for"):
+        table.add_column(name, overflow="fold")
+    for found in result["effects"]:
+        sizes = [_size(found[name], found["unit"]) for name in ("detectable_from", "nameable_from")]
+        table.add_row(found["effect"], found["verdict"], *sizes, ", ".join(found["alike"]))
+    console.print(table, highlight=False)
+    for sentence in result["sentences"]:
+        console.print(sentence, highlight=False, soft_wrap=True)
+    for added in result["adds"]:
+        gained = ", ".join(added["nameable"]) or "no further cause"
+        console.print(f"{added['condition']} adds: {gained}.", highlight=False, soft_wrap=True)
+
+
+def _size(value: float | None, unit: str) -> str:
+    return "-" if value is None else f"{value:.3g} {'' if unit == '1' else unit}".rstrip()
 
 
 def follow(client: Client, diagnosis: dict[str, Any], console: Console) -> dict[str, Any]:

@@ -139,10 +139,9 @@ class Client:
                 return None
             raise
 
-    def create_data_set(self, name: str, tables: dict[str, str]) -> dict[str, Any]:
-        answer = self._send(
-            "POST", "/v1/measurements", json={"name": name, "tables": tables}, timeout=FILE_SECONDS
-        )
+    def create_data_set(self, name: str, tables: dict[str, str], planned: bool = False) -> dict[str, Any]:
+        body = {"name": name, "tables": tables, "planned": planned}
+        answer = self._send("POST", "/v1/measurements", json=body, timeout=FILE_SECONDS)
         data_set: dict[str, Any] = answer.json()
         return data_set
 

@@ -18,6 +18,7 @@ from service.dashboard.words import Word
 from service.db import read_diagnoses
 from service.db.models import ArtifactRow, DataSetRow, DiagnosisRow, JobRow
 from service.db.read_diagnoses import DiagnosisView
+from service.domain.diagnosis import PLAN
 from service.domain.effects import library
 from service.domain.states import OPEN_JOBS, is_over
 from service.errors import NotFound
@@ -42,6 +43,7 @@ VERDICTS: Mapping[str, Word] = {
         "ambiguous", "Something is wrong; these data do not tell which of several causes it is."
     ),
     "unexplained": Word("unexplained", "Something is wrong that no cause of the library explains."),
+    PLAN: Word("plan", "What these tests could show, before they are made."),
     "refused": Word("refused", "The data or the emulators do not carry a diagnosis."),
 }
 TONES: Mapping[str, str] = {
@@ -50,6 +52,7 @@ TONES: Mapping[str, str] = {
     "named_with_remainder": "doubt",
     "ambiguous": "doubt",
     "unexplained": "doubt",
+    PLAN: "good",
     "refused": "bad",
 }
 
@@ -67,6 +70,18 @@ class ClaimLine:
     inclusion: float
     level: str
     check: str
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """One cause in a plan: sizes as text, a dash beyond what is physical."""
+
+    effect: str
+    what: str
+    verdict: str
+    detectable_from: str
+    nameable_from: str
+    alike: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -97,6 +112,26 @@ class DiagnosisPage:
         return self.job is not None and self.job.state in OPEN_JOBS
 
     @property
+    def is_plan(self) -> bool:
+        return self.diagnosis.spec.get("plan") is not None
+
+    @property
+    def outlooks(self) -> Sequence[Outlook]:
+        """Of a plan: each cause, how sure one could be of it, and from which size on."""
+        known = library()
+        return [
+            Outlook(
+                effect=found["effect"],
+                what=known[found["effect"]].what if found["effect"] in known else "",
+                verdict=found["verdict"],
+                detectable_from=_amplitude(found["detectable_from"], found["unit"]),
+                nameable_from=_amplitude(found["nameable_from"], found["unit"]),
+                alike=found["alike"],
+            )
+            for found in self.result.get("effects", ())
+        ]
+
+    @property
     def card(self) -> ArtifactRow | None:
         return next((a for a in self.view.artifacts if a.kind == "card"), None)
 
@@ -116,7 +151,7 @@ class DiagnosisPage:
             (
                 limit["effect"],
                 known[limit["effect"]].what if limit["effect"] in known else "",
-                f"{limit['detectable_from']:.3g} {_unit(limit['unit'])}".rstrip(),
+                _amplitude(limit["detectable_from"], limit["unit"]),
             )
             for limit in self.result.get("limits", ())
         ]
@@ -136,6 +171,10 @@ def _claim(claim: Mapping[str, Any]) -> ClaimLine:
         level=claim["level"],
         check="" if effect is None else effect.check.what,
     )
+
+
+def _amplitude(value: float | None, unit: str) -> str:
+    return "–" if value is None else f"{value:.3g} {_unit(unit)}".rstrip()
 
 
 def _unit(unit: str) -> str:

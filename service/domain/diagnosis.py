@@ -10,9 +10,11 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Self
 
+from service.domain.data_set.columns import OBSERVABLES_OF, SURFACES
 from service.domain.data_set.records import Condition
+from service.domain.data_set.suitability import LEAST_REPLICATES
 from service.domain.errors import InvalidValue
 from service.domain.outcome import StoredArtifact
 
@@ -20,14 +22,41 @@ CONTACT_MODELS = ("paper", "hertz_mindlin")
 # Grains in a pile against what its run takes: smaller piles scatter more, larger ones take longer.
 FEWEST_GRAINS, MOST_GRAINS = 100, 20_000
 FEWEST_RUNS, MOST_RUNS = 16, 1000
+MOST_REPLICATES = 100
 FEWEST_PLANTS, MOST_PLANTS = 100, 2000
 LARGEST_SEED = 2**31 - 1
+# The verdict of a plan: nothing was measured, so nothing can be wrong.
+PLAN = "plan"
+
+
+@dataclass(frozen=True)
+class PlanSpec:
+    """What is asked of tests before they are made: `replicates` of each, the `observables` that would be read (all
+    where none is named), and `candidates`, conditions of which the best single one is sought.
+
+    Raises InvalidValue naming the field.
+    """
+
+    replicates: int = 4
+    observables: tuple[str, ...] = ()
+    candidates: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        _require_whole("plan.replicates", self.replicates, LEAST_REPLICATES, MOST_REPLICATES)
+        known = [SURFACES, *dict.fromkeys(name for names in OBSERVABLES_OF.values() for name in names)]
+        for name in self.observables:
+            if name not in known:
+                raise InvalidValue("plan.observables", name, "one of " + ", ".join(known))
+        for field, names in (("observables", self.observables), ("candidates", self.candidates)):
+            if len(set(names)) != len(names):
+                raise InvalidValue(f"plan.{field}", list(names), "each name once")
 
 
 @dataclass(frozen=True)
 class DiagnosisSpec:
     """`grains` about which a pile is made of. `first_wave`, `second_wave`: runs of each condition that the
-    emulators learn from; `plants`: effect-free pseudo-plants that set the thresholds.
+    emulators learn from; `plants`: effect-free pseudo-plants that set the thresholds. With `plan` it is not asked
+    what was measured says, but what the tests could show: neither second wave nor plants are made.
 
     Raises InvalidValue naming the field.
     """
@@ -39,6 +68,7 @@ class DiagnosisSpec:
     second_wave: int = 48
     plants: int = 128
     seed: int = 1
+    plan: PlanSpec | None = None
 
     def __post_init__(self) -> None:
         if self.contact_model not in CONTACT_MODELS:
@@ -51,18 +81,33 @@ class DiagnosisSpec:
             ("plants", FEWEST_PLANTS, MOST_PLANTS),
             ("seed", 0, LARGEST_SEED),
         ):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not lowest <= value <= highest:
-                raise InvalidValue(name, value, f"a whole number from {lowest} to {highest}")
+            _require_whole(name, getattr(self, name), lowest, highest)
 
     def as_record(self) -> dict[str, Any]:
-        """Plain JSON types only."""
-        return asdict(self)
+        """Plain JSON types only. Without a plan there is no such field, as before there were plans."""
+        record = asdict(self)
+        if self.plan is None:
+            del record["plan"]
+        return record
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Self:
+        """What as_record made. Raises InvalidValue."""
+        plan = record.get("plan")
+        if plan is None:
+            return cls(**record)
+        lists = {name: tuple(plan[name]) for name in ("observables", "candidates")}
+        return cls(**{**record, "plan": PlanSpec(**{**plan, **lists})})
 
     @property
     def request_hash(self) -> str:
         """SHA-256 of everything that was asked for."""
         return hashlib.sha256(json.dumps(self.as_record(), sort_keys=True).encode()).hexdigest()
+
+
+def _require_whole(name: str, value: object, lowest: int, highest: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not lowest <= value <= highest:
+        raise InvalidValue(name, value, f"a whole number from {lowest} to {highest}")
 
 
 # Beside the waves: runs of each condition for the null calibration, for the screen of all effects, for the finer
@@ -94,13 +139,20 @@ class DiagnosisCost:
 
 
 def expected_cost(spec: DiagnosisSpec, conditions: Sequence[Condition]) -> DiagnosisCost:
-    """What a diagnosis of these conditions takes at most. A finer pile takes more and shorter steps."""
+    """What a diagnosis of these conditions, or a plan with them, takes at most.
+
+    A finer pile takes more and shorter steps.
+    """
     trained = sum(not c.holdout for c in conditions)
     held = len(conditions) - trained
-    waves = spec.first_wave + spec.second_wave
-    runs = trained * (waves + NULL_RUNS + SCREEN_RUNS + REFINE_RUNS + SELF_RUNS) + held * (
-        waves + REFINE_RUNS
-    )
+    if spec.plan is not None:
+        # What is to be held out later is planned as any other.
+        runs = len(conditions) * (spec.first_wave + SCREEN_RUNS)
+    else:
+        waves = spec.first_wave + spec.second_wave
+        runs = trained * (waves + NULL_RUNS + SCREEN_RUNS + REFINE_RUNS + SELF_RUNS) + held * (
+            waves + REFINE_RUNS
+        )
     steps = STEPS_OF_A_PILE * math.cbrt(spec.grains / 600.0)
     return DiagnosisCost(runs, runs * steps * spec.grains / RATE / 3600.0)
 
@@ -115,8 +167,8 @@ class Extension:
 
 @dataclass(frozen=True)
 class DiagnosisOutcome:
-    """What a diagnosis says (`results`, the published form and more), the extended model where something is named,
-    and the null calibration that it made, by its key."""
+    """What a diagnosis or a plan says (`results`, the published form and more), the extended model where something
+    is named, and the null calibration that it made, by its key."""
 
     verdict: str
     results: Mapping[str, Any]

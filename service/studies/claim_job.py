@@ -105,7 +105,7 @@ def claim_job(session: Session, job_id: str, worker_id: str, lease_s: float) -> 
 def _claim_of_diagnosis(session: Session, owner: DiagnosisRow, lease: Lease, left: int) -> DiagnosisClaim:
     data_set = session.get_one(DataSetRow, owner.data_set_id)
     calibrations = {row.key: row.content for row in session.scalars(select(NullCalibrationRow))}
-    spec = DiagnosisSpec(**owner.spec)
+    spec = DiagnosisSpec.from_record(owner.spec)
     return DiagnosisClaim(lease, owner.id, spec, from_record(data_set.content), calibrations, left)
 
 

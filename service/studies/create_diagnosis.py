@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from collections.abc import Sequence
 from dataclasses import asdict
 
 from sqlalchemy import select
@@ -10,8 +11,10 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from service.db.models import DataSetRow, DiagnosisRow, JobRow
+from service.domain.data_set.columns import OBSERVABLES_OF, SURFACES
+from service.domain.data_set.records import Condition
 from service.domain.data_set.stored import from_record
-from service.domain.diagnosis import DiagnosisSpec, expected_cost
+from service.domain.diagnosis import DiagnosisSpec, PlanSpec, expected_cost
 from service.domain.errors import InvalidValue
 from service.domain.measured_pile import cannot_simulate
 from service.domain.states import JobKind
@@ -25,17 +28,20 @@ def create_diagnosis(
     """The row, and whether it is new: the same key and request give the stored one again.
 
     Raises InvalidValue for a data set that is not there, too thin to say anything, or with a condition that the
-    model cannot represent; KeyReused.
+    model cannot represent, and for a plan whose candidates are none of its conditions or all
+    of them, or that reads nothing of one; KeyReused.
     """
     data_set = session.get(DataSetRow, spec.data_set)
     if data_set is None:
         raise InvalidValue("data_set", spec.data_set, "the id of an uploaded data set")
-    if not data_set.facts["can_be_diagnosed"]:
+    if spec.plan is None and not data_set.facts["can_be_diagnosed"]:
         raise InvalidValue("data_set", spec.data_set, " ".join(data_set.facts["sentences"]))
     stored = _stored(session, idempotency_key, spec)
     if stored is not None:
         return stored, False
     conditions = from_record(data_set.content).conditions
+    if spec.plan is not None:
+        _check_plan(spec.plan, conditions)
     for condition in conditions:
         if (why := cannot_simulate(condition, spec.grains, spec.contact_model)) is not None:
             allowed = f"conditions that the model can represent: {why}"
@@ -62,6 +68,22 @@ def create_diagnosis(
     )
     session.flush()
     return row, True
+
+
+def _check_plan(plan: PlanSpec, conditions: Sequence[Condition]) -> None:
+    names = [c.condition for c in conditions]
+    for name in plan.candidates:
+        if name not in names:
+            allowed = "conditions of the data set: " + ", ".join(names)
+            raise InvalidValue("plan.candidates", name, allowed)
+    if len(plan.candidates) == len(names):
+        allowed = "not every condition: something must be planned without them"
+        raise InvalidValue("plan.candidates", list(plan.candidates), allowed)
+    for c in conditions:
+        readable = [*OBSERVABLES_OF[c.test], *([SURFACES] if c.test == "pile" else [])]
+        if plan.observables and not set(plan.observables).intersection(readable):
+            allowed = f"at least one that condition {c.condition} gives: " + ", ".join(readable)
+            raise InvalidValue("plan.observables", list(plan.observables), allowed)
 
 
 def _stored(session: Session, idempotency_key: str | None, spec: DiagnosisSpec) -> DiagnosisRow | None:

@@ -170,3 +170,53 @@ def test_a_queued_diagnosis_is_cancelled_at_once(client: TestClient) -> None:
 def test_no_model_version_and_nothing_to_withdraw(client: TestClient) -> None:
     assert client.get("/v1/model-versions").json() == {"items": [], "next_cursor": None}
     assert client.post("/v1/model-versions/1/withdraw").status_code == 404
+
+
+def planned(client: TestClient, **more: str) -> int:
+    """The id of conditions that nobody has measured."""
+    body = {"name": "plan", "tables": {CONDITIONS: tables(**more)[CONDITIONS]}, "planned": True}
+    answer = client.post("/v1/measurements", json=body)
+    assert answer.status_code == 201, answer.text
+    found = answer.json()
+    assert found["can_be_diagnosed"] is False
+    assert "ask what these tests could show" in found["sentences"][0]
+    number: int = found["id"]
+    return number
+
+
+def test_conditions_alone_are_planned_and_not_diagnosed(client: TestClient) -> None:
+    number = planned(client)
+    assert "Nothing is measured yet" in refused(client, "/v1/diagnoses", {"data_set": number})["detail"]
+    plan = {"replicates": 5, "candidates": ["held"], "observables": ["repose_angle_deg", "profiles"]}
+    made = client.post("/v1/diagnoses", json={"data_set": number, "plan": plan}).json()
+    assert made["spec"]["plan"] == plan
+    whole = client.post("/v1/diagnoses", json={"data_set": uploaded(client)["id"]}).json()
+    assert "plan" not in whole["spec"]
+    assert made["cost"]["runs"] < whole["cost"]["runs"]
+
+
+@pytest.mark.parametrize(
+    ("plan", "field", "allowed"),
+    [
+        ({"replicates": 2}, "plan.replicates", "from 3 to 100"),
+        ({"replicates": 0}, "plan.replicates", "from 3 to 100"),
+        ({"observables": ["angle"]}, "plan.observables", "repose_angle_deg"),
+        ({"observables": ["belt_depth_m"]}, "plan.observables", "condition small gives: repose_angle_deg"),
+        ({"observables": ["profiles", "profiles"]}, "plan.observables", "once"),
+        ({"candidates": ["nobody"]}, "plan.candidates", "small, middle, large, held"),
+        ({"candidates": list(MASSES)}, "plan.candidates", "without them"),
+        ({"colour": "red"}, "plan.colour", ""),
+    ],
+)
+def test_a_wrong_plan_names_its_field(
+    client: TestClient, plan: dict[str, Any], field: str, allowed: str
+) -> None:
+    found = refused(client, "/v1/diagnoses", {"data_set": planned(client), "plan": plan})
+    assert found["errors"][0]["field"].endswith(field)
+    assert allowed in found["detail"]
+
+
+def test_profiles_without_observations_are_no_plan(client: TestClient) -> None:
+    texts = {CONDITIONS: tables()[CONDITIONS], "profiles.csv": "condition,replicate,theta_deg,r_m,h_m\n"}
+    found = refused(client, "/v1/measurements", {"name": "x", "tables": texts, "planned": True})
+    assert found["errors"][0]["field"] == "tables.observations.csv"

@@ -78,7 +78,8 @@ class Identifiability:
 def identifiability(simulator: Simulator, plan: Plan, options: Options | None = None) -> Identifiability:
     """At the middle of the parameters' box, with the simulation's own scatter as the noise.
 
-    Raises BadDataSet for a condition that the simulator cannot represent.
+    Raises BadDataSet for a condition that the simulator cannot represent, InvalidValue where nothing is read of
+    one.
     """
     options = Options() if options is None else options
     conditions = (*plan.conditions, *plan.candidates)
@@ -112,6 +113,10 @@ def _frame(conditions: Sequence[Condition], summaries: frozenset[str] | None) ->
         for k, name in enumerate(NAMES[condition.test])
         if summaries is None or name in summaries
     ]
+    for c, condition in enumerate(conditions):
+        if c not in {cell for cell, _ in cells}:
+            allowed = f"at least one of {condition.condition}: " + ", ".join(NAMES[condition.test])
+            raise InvalidValue("plan.summaries", sorted(summaries or ()), allowed)
     return Frame(tuple(conditions), tuple(c for c, _ in cells), tuple(k for _, k in cells))
 
 

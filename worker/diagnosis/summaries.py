@@ -12,11 +12,11 @@ A number that cannot be had (missing cells, a surface too short) is NaN, which i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from service.domain.data_set.columns import SECTOR_HEIGHTS, SECTOR_MASSES
+from service.domain.data_set.columns import SECTOR_HEIGHTS, SECTOR_MASSES, SURFACES
 from worker.diagnosis.simulator import FloatArray, Outcomes, Surfaces
 
 LEAST_SECTORS = 16
@@ -52,6 +52,19 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "pile": (*PLAIN_OF["pile"], *LOGARITHM_OF["pile"], *_OF_SURFACE),
     "charge": (*_OF_HEIGHTS, *PLAIN_OF["charge"], *_OF_MASSES, *LOGARITHM_OF["charge"]),
 }
+
+
+def of_observables(observables: Iterable[str]) -> frozenset[str]:
+    """The summaries that can be had when only these observables are read."""
+    read = set(observables)
+    sources = {**PLAIN_OF["pile"], **PLAIN_OF["charge"], **LOGARITHM_OF["pile"], **LOGARITHM_OF["charge"]}
+    found = {name for name, observable in sources.items() if observable in read}
+    if SURFACES in read:
+        found.update(_OF_SURFACE)
+    for summaries, sectors in ((_OF_HEIGHTS, SECTOR_HEIGHTS), (_OF_MASSES, SECTOR_MASSES)):
+        if len(read.intersection(sectors)) >= LEAST_SECTORS:
+            found.update(summaries)
+    return frozenset(found)
 
 
 def summarise(test: str, outcomes: Outcomes) -> FloatArray:

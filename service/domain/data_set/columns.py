@@ -108,6 +108,8 @@ CHARGE_OBSERVABLES: Mapping[str, Quantity] = {
     "discharge_t50_s": _positive("s", 1e5),
     "discharge_t100_s": _positive("s", 1e5),
 }
+# What a plan may say that it will read: an observable, or whole surfaces.
+SURFACES = "profiles"
 OBSERVABLES_OF: Mapping[str, Mapping[str, Quantity]] = {
     "pile": PILE_OBSERVABLES,
     "charge": CHARGE_OBSERVABLES,

@@ -54,21 +54,25 @@ _LAYOUTS = {
 Parsed = tuple[list[Row], Complaints]
 
 
-def read_data_set(path: Path) -> DataSet:
+def read_data_set(path: Path, planned: bool = False) -> DataSet:
     """Of a folder with conditions.csv, observations.csv and perhaps profiles.csv, or of one JSON file.
 
-    Raises BadDataSet with every cell that is wrong.
+    `planned`: the folder's tests may still lie ahead, with conditions.csv alone. Raises BadDataSet with every cell
+    that is wrong.
     """
     if not path.is_dir():
         return data_set_from_json(read_file(path), path.name)
-    names = [CONDITIONS, OBSERVATIONS, *([PROFILES] if (path / PROFILES).exists() else [])]
-    return data_set_from_tables({name: read_file(path / name) for name in names})
+    may_lack = (PROFILES, OBSERVATIONS) if planned else (PROFILES,)
+    names = [name for name in _LAYOUTS if name not in may_lack or (path / name).exists()]
+    return data_set_from_tables({name: read_file(path / name) for name in names}, planned)
 
 
-def data_set_from_tables(texts: dict[str, str]) -> DataSet:
-    """Of the texts of the tables by file name (as an upload brings them). Raises BadDataSet."""
+def data_set_from_tables(texts: dict[str, str], planned: bool = False) -> DataSet:
+    """Of the texts of the tables by file name (as an upload brings them), where it is `planned` perhaps of the
+    conditions alone. Raises BadDataSet."""
     unknown = [name for name in texts if name not in _LAYOUTS]
-    missing = [name for name in (CONDITIONS, OBSERVATIONS) if name not in texts]
+    required = (CONDITIONS,) if planned and PROFILES not in texts else (CONDITIONS, OBSERVATIONS)
+    missing = [name for name in required if name not in texts]
     wrong = [BadCell(name, None, "", "an unknown table", ", ".join(_LAYOUTS)) for name in unknown]
     wrong += [BadCell(name, None, "", "no such file", "a file of that name") for name in missing]
     if wrong:
@@ -97,11 +101,11 @@ def _build(parsed: dict[str, Parsed]) -> DataSet:
     known = {c.condition: c for c in conditions}
     # A row whose condition is itself wrong is not blamed for it a second time.
     named = {row.get("condition") for row in parsed[CONDITIONS][0]}
-    observations, places = _observations(*parsed[OBSERVATIONS], known, named)
+    is_measured = OBSERVATIONS in parsed
+    observations, places = _observations(*parsed[OBSERVATIONS], known, named) if is_measured else ([], {})
     profiles = _profiles(*parsed[PROFILES], known, named) if PROFILES in parsed else []
-    complaints = parsed[OBSERVATIONS][1]
     for place, text in copied_replicates(observations):
-        complaints.add(places[place], "replicate", place[1], text)
+        parsed[OBSERVATIONS][1].add(places[place], "replicate", place[1], text)
     wrong = [cell for _, found in parsed.values() for cell in found.cells]
     if wrong:
         raise BadDataSet(wrong)

@@ -13,6 +13,7 @@ from service.domain.data_set.records import DataSet
 
 LEAST_REPLICATES = 3
 LEAST_CONDITIONS = 2
+PLANNED = "Nothing is measured yet: ask what these tests could show (a plan), not for a diagnosis."
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Suitability:
 
 def suitability(data_set: DataSet) -> Suitability:
     """Conditions with too few replicates are set aside; what is left is judged."""
+    if not data_set.observations and not data_set.profiles:
+        return Suitability(None, (PLANNED,))
     replicates = data_set.replicates
     thin = [c for c in data_set.conditions if len(replicates[c.condition]) < LEAST_REPLICATES]
     sentences = [_set_aside([c.condition for c in thin])] if thin else []

@@ -11,6 +11,7 @@ from fastapi.testclient import TestClient
 from service.dashboard.diagnosis_page import STATES, TONES, VERDICTS
 from service.db.models import ArtifactRow, DiagnosisRow
 from service.db.session import Database
+from service.domain.diagnosis import PLAN, PlanSpec
 from service.domain.states import DesignState
 from tests.builders.diagnoses import a_data_set, a_diagnosis
 from worker.diagnosis import result as results
@@ -39,6 +40,24 @@ RESULT: dict[str, Any] = {
     "p_value": 0.008,
     "sentences": ["The floor is <assumed>."],
     "extended_model": "baseline+lift_speed",
+}
+
+OUTLOOK: dict[str, Any] = {
+    "verdict": "plan",
+    "effects": [
+        {
+            "effect": "lift_speed",
+            "verdict": "detectable",
+            "unit": "1",
+            "detectable_from": 0.21,
+            "nameable_from": None,
+            "alike": ["density"],
+        }
+    ],
+    "adds": [{"condition": "held", "nameable": ["cohesion"]}],
+    "sentences": ["One cause could be named."],
+    "cost": {"runs": 10, "simulated": 10},
+    "model_version": "demcore-paper-600",
 }
 
 
@@ -102,6 +121,20 @@ def test_a_verdict_is_told_in_words_with_card_limits_and_files(client: TestClien
     assert "lift_speed" in listed and "1234" in listed
 
 
+def test_a_plan_tells_what_its_tests_could_show(client: TestClient, database: Database) -> None:
+    asked = a_diagnosis(database, a_data_set(database), plan=PlanSpec(candidates=("held",)))
+    waiting = client.get(f"/diagnoses/{asked}").text
+    assert "3 planned with 4 replicates, 1 candidates" in waiting and "There is no answer yet." in waiting
+    with database.writing() as session:
+        row = session.get_one(DiagnosisRow, asked)
+        row.state, row.verdict, row.results = DesignState.COMPLETE, PLAN, OUTLOOK
+    text = client.get(f"/diagnoses/{asked}").text
+    assert "what planned tests could show" in text and "The card" not in text
+    assert "<b>held</b> adds: cohesion." in text and "One cause could be named." in text
+    assert "the cylinder was lifted at another speed than stated" in text
+    assert "0.21" in text and "–" in text and "density" in text
+
+
 def test_the_policy_and_pages_that_are_not_there(client: TestClient, told: int) -> None:
     answer = client.get(f"/diagnoses/{told}")
     assert "script-src 'self'" in answer.headers["content-security-policy"]
@@ -114,5 +147,5 @@ def test_the_policy_and_pages_that_are_not_there(client: TestClient, told: int) 
 
 def test_every_verdict_and_state_has_its_word() -> None:
     said = {results.NO_MISFIT, results.NAMED, results.NAMED_WITH_REMAINDER, results.AMBIGUOUS}
-    assert {*said, results.UNEXPLAINED, results.REFUSED} == set(VERDICTS) == set(TONES)
+    assert {*said, results.UNEXPLAINED, results.REFUSED, PLAN} == set(VERDICTS) == set(TONES)
     assert {state.value for state in DesignState} == set(STATES)

@@ -169,6 +169,8 @@ def test_a_plan_needs_conditions_and_replicates() -> None:
         Plan(())
     with pytest.raises(InvalidValue):
         Plan(CHARGES, 2)
+    with pytest.raises(InvalidValue, match="at least one of C0"):
+        identifiability(StandIn(), Plan(CHARGES, 4, frozenset(["angle"])), QUICK)
 
 
 def test_the_cost_was_estimated_and_is_counted() -> None:

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from service.domain.data_set.columns import SECTOR_HEIGHTS, SECTOR_MASSES
+from service.domain.data_set.columns import OBSERVABLES_OF, SECTOR_HEIGHTS, SECTOR_MASSES, SURFACES
 from worker.diagnosis.simulator import Outcomes, Surfaces
-from worker.diagnosis.summaries import LEAST_SECTORS, NAMES, of_surface, summarise
+from worker.diagnosis.summaries import LEAST_SECTORS, NAMES, of_observables, of_surface, summarise
 
 ANGLE = 2.0 * math.pi * np.arange(24) / 24.0
 
@@ -80,3 +80,12 @@ def test_a_surface_without_a_flank_says_nothing() -> None:
     assert math.isnan(of_surface(flat)["slope"][0])
     few = Surfaces(np.zeros(3), np.linspace(0.0, 1.0, 3), np.ones((1, 3)))
     assert math.isnan(of_surface(few)["toe"][0])
+
+
+def test_what_is_read_decides_which_summaries_there_are() -> None:
+    assert of_observables(["repose_angle_deg", "mass_on_base_kg"]) == {"angle", "ln_mass"}
+    assert of_observables([SURFACES]) == {"slope", "toe", "curvature", "dipole_c", "dipole_s"}
+    assert not of_observables(SECTOR_HEIGHTS[: LEAST_SECTORS - 1])
+    assert "h_c1" in of_observables(SECTOR_HEIGHTS[:LEAST_SECTORS])
+    every = {name for test in OBSERVABLES_OF.values() for name in test} | {SURFACES}
+    assert of_observables(every) == {name for names in NAMES.values() for name in names}
