@@ -134,4 +134,7 @@ def command_of(spec: ChargeSpec) -> str:
         words += ["--plant", json.dumps({part: dict(row) for part, row in spec.plant.items()})]
     if spec.parameters:
         words += ["--parameters", json.dumps({name: dict(row) for name, row in spec.parameters.items()})]
+    if spec.model is not None:
+        moisture = f"{spec.model.moisture_percent:g}"
+        words += ["--model-version", spec.model.name, "--moisture-percent", moisture]
     return " ".join(shlex.quote(word) for word in words)

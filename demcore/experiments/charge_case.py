@@ -28,14 +28,17 @@ from demcore.experiments.contact_parameters import (
     grains_of,
     interactions,
     numerics_of,
+    with_surface,
 )
+from demcore.geometry.walls import Wall
 from demcore.interaction import Interactions
-from demcore.material import Material, MixPart, cut_off, load_material
+from demcore.material import Material, MixPart, SizeClass, SizeDistribution, cut_off, load_material
 from demcore.plant.checks import check_mass, check_plant
 from demcore.plant.clearance import check_inlet, feed_inlet
 from demcore.plant.parts import Plant
-from demcore.plant.surfaces import plant_walls
+from demcore.plant.surfaces import CONE, HOPPER, plant_walls
 from demcore.region import Box
+from demcore.surroundings import Air, Water
 from demcore.time_step import PRESETS
 
 # Seconds that the feed may lag behind its rate before the charge counts as one that the inlet cannot pass.
@@ -49,6 +52,7 @@ MAY_SQUEEZE = 0.01
 # the steps between: at scale 10 a skin of 3 smallest radii took 125 us a step where .5 took 170 (one loaded core).
 SKIN_SHARE = 3.0
 KG_S_PER_T_H = 1000.0 / 3600.0
+LINER = "liner"
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,8 @@ class ChargeTest:
     """One virtual charge. `scale` multiplies the sizes; `largest_share` of the narrowest passage is the largest
     grain that is simulated, what is coarser joins the class below; `rest_seconds` after the last grain came.
     `time_step` is a preset, `time_step_factor` shortens it after a blow-up. Most of a charge is a bed at rest, so
-    what does nothing is held (`dormancy`; None computes it all)."""
+    what does nothing is held (`dormancy`; None computes it all). `water` and `air` are those of the real grains;
+    `liner_friction_added` is the static friction of the hopper's walls less that of all others."""
 
     charge: Charge
     plant: Plant
@@ -101,6 +106,9 @@ class ChargeTest:
     numerics: Numerics = field(
         default_factory=lambda: Numerics(may_squeeze=MAY_SQUEEZE, skin_share=SKIN_SHARE)
     )
+    water: Water | None = None
+    air: Air | None = None
+    liner_friction_added: float = 0.0
 
     def __post_init__(self) -> None:
         within("scale", self.scale, 0.1, 20.0)
@@ -109,6 +117,7 @@ class ChargeTest:
         choice("time_step", self.time_step, PRESETS)
         within("time_step_factor", self.time_step_factor, 0.01, 1.0)
         natural("seed", self.seed)
+        within("liner_friction_added", self.liner_friction_added, -10.0, 10.0)
         check_plant(self.plant)
         check_mass(self.plant, self.charge.mass, self.charge.material.bulk_density)
         smallest = self.scale * self.charge.material.sizes.smallest
@@ -132,12 +141,7 @@ class ChargeTest:
     def grains(self) -> tuple[Material, ...]:
         """The materials at the scale of the simulation, cut off at the largest diameter."""
         coarse = grains_of(self.charge.material.coarse_grained(self.scale), self.charge.parameters)
-        return tuple(
-            replace(m, sizes=cut_off(m.sizes, 0.0, self.largest_diameter))
-            if m.sizes.largest > self.largest_diameter
-            else m
-            for m in coarse
-        )
+        return tuple(replace(m, sizes=_no_larger(m.sizes, self.largest_diameter)) for m in coarse)
 
     @property
     def merged_share(self) -> float:
@@ -167,7 +171,9 @@ class ChargeTest:
     @property
     def interactions(self) -> Interactions:
         """Every contact; unlike grains take the mean of their sets."""
-        return interactions(self.charge.material, self.charge.parameters)
+        touching = interactions(self.charge.material, self.charge.parameters)
+        added = self.liner_friction_added
+        return with_surface(touching, LINER, added) if added != 0.0 else touching
 
     @cached_property
     def case(self) -> Case:
@@ -187,10 +193,12 @@ class ChargeTest:
             grains=self.grains,
             interactions=self.interactions,
             duration=self.seconds + LONGEST_LAG,
-            walls=plant_walls(self.plant),
+            walls=self._walls,
             feeds=(feed,),
             domain=plant_domain(self.plant),
             rest=None,
+            water=None if self.water is None else self.water.at_scale(self.scale),
+            air=None if self.air is None else self.air.at_scale(self.scale),
             numerics=numerics_of(self.charge.parameters, self.numerics, self.time_step),
             dormancy=self.dormancy,
             seed=self.seed,
@@ -198,6 +206,23 @@ class ChargeTest:
         if self.time_step_factor == 1.0:
             return case
         return replace(case, time_step=case.largest_time_step * self.time_step_factor)
+
+    @property
+    def _walls(self) -> tuple[Wall, ...]:
+        """The plant's; the hopper's own are lined where the liner is not as the rest."""
+        walls = plant_walls(self.plant)
+        if self.liner_friction_added == 0.0:
+            return walls
+        return tuple(replace(w, material=1) if w.name in (HOPPER, CONE) else w for w in walls)
+
+
+def _no_larger(sizes: SizeDistribution, largest: float) -> SizeDistribution:
+    """With what is coarser made as large as may be: it joins the class below, or is one where there is none."""
+    if sizes.largest <= largest:
+        return sizes
+    if sizes.smallest >= largest:
+        return SizeDistribution((SizeClass(largest, largest, 1.0),))
+    return cut_off(sizes, 0.0, largest)
 
 
 def _share_above(material: Material, diameter: float) -> float:

@@ -28,7 +28,6 @@ from demcore.interaction import (
 from demcore.material import Material
 
 STEEL = "steel"
-BASE = "base"
 
 # The widest range of each; particle and wall restitution of 0 would make the unloading stiffness infinite.
 LIMITS: Mapping[str, tuple[float, float, str]] = {
@@ -246,13 +245,13 @@ def interactions(material: Material, parameters: Parameters) -> Interactions:
     return Interactions(contacts, walls, (steel,))
 
 
-def with_base(touching: Interactions, added: float) -> Interactions:
-    """The same with a second surface, `base`: steel with `added` to its static friction (never below 0), and the
-    dynamic one in proportion."""
-    base = tuple(replace(_rougher(contact, added), surface=BASE) for contact in touching.wall_contacts)
-    surface = replace(touching.surfaces[0], name=BASE)
+def with_surface(touching: Interactions, name: str, added: float) -> Interactions:
+    """The same with a second surface: steel with `added` to its static friction (never below 0), and the dynamic
+    one in proportion."""
+    own = tuple(replace(_rougher(contact, added), surface=name) for contact in touching.wall_contacts)
+    surface = replace(touching.surfaces[0], name=name)
     return replace(
-        touching, wall_contacts=touching.wall_contacts + base, surfaces=(*touching.surfaces, surface)
+        touching, wall_contacts=touching.wall_contacts + own, surfaces=(*touching.surfaces, surface)
     )
 
 

@@ -20,7 +20,7 @@ from demcore.experiments.contact_parameters import (
     grains_of,
     interactions,
     numerics_of,
-    with_base,
+    with_surface,
 )
 from demcore.experiments.pile_setting import PileSetting
 from demcore.geometry.walls import Wall
@@ -41,6 +41,8 @@ LONGEST_SETTLE = 4.0
 LONGEST_DISCHARGE = 12.0
 # Their places among the case's walls.
 BASE, CYLINDER = 0, 1
+# What the base is made of where its friction is not that of the cylinder.
+BASE_SURFACE = "base"
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,9 @@ class PileTest:
         entering = (0.0, 0.0, -s.impact_speed) if s.drop_height else AT_REST
         case = Case(
             grains=grains_of(self.material.coarse_grained(self.scale), self.parameters),
-            interactions=with_base(touching, s.base_friction_added) if own_base else touching,
+            interactions=with_surface(touching, BASE_SURFACE, s.base_friction_added)
+            if own_base
+            else touching,
             duration=self.fall_seconds + LONGEST_SETTLE + self.lift_seconds + self.longest_discharge + 1.0,
             walls=(
                 Wall("disc", radius=self.rig.base_radius, material=int(own_base)),

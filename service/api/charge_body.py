@@ -6,9 +6,10 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.api.study_parts import STRICT
+from service.api.study_parts import STRICT, ModelVersion, Moisture
 from service.domain.charge import ChargeRequest, ChargeSpec, SetSource
 from service.domain.errors import InvalidValue
+from service.domain.model_use import ModelUse
 
 # Beside its numbers, a part of the plant may name an uploaded mesh.
 GEOMETRY, UNITS, UP = "geometry", "units", "up"
@@ -78,6 +79,8 @@ class ChargeBody(BaseModel):
         dict[str, SetBody],
         Field(description="contact numbers by material, or under `all`; the paper's where left out"),
     ] = {}
+    model_version: ModelVersion = None
+    moisture_percent: Moisture = 0.0
 
     def to_request(self) -> ChargeRequest:
         """The charges asked for. Raises InvalidValue."""
@@ -99,6 +102,7 @@ class ChargeBody(BaseModel):
             dormancy=self.dormancy,
             frame_seconds=self.frame_seconds,
             plant=plant,
+            model=ModelUse.asked(self.model_version, self.moisture_percent),
         )
         sources = {
             name: SetSource(body.values, body.study, body.members) for name, body in self.parameters.items()

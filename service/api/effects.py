@@ -7,14 +7,14 @@ from typing import Annotated, Any, Literal, Self
 from fastapi import APIRouter, Path
 from pydantic import BaseModel, Field
 
-from demcore.experiments.pile_effects import EFFECTS
 from service.api.problems import problem_responses
 from service.domain.effects import Clause, Effect, library
+from service.domain.measured_pile import SIMULATED
 from service.errors import NotFound
 
 router = APIRouter(prefix="/v1", tags=["diagnoses"])
 
-Made = Literal["simulation", "reading", "not_yet"]
+Made = Literal["simulation", "reading", "charge"]
 
 
 class CheckAnswer(BaseModel):
@@ -42,7 +42,8 @@ class EffectAnswer(BaseModel):
     directions_deg: list[float] = Field(description="azimuths along which it is simulated; empty: none")
     made_by: Made = Field(
         description="simulation: a pile test is simulated with it; reading: a fault of the measurement, which"
-        " needs no run; not_yet: it acts on charges, whose simulations do not have it, so it is never named"
+        " needs no run; charge: charges alone are simulated with it, which no diagnosis asks for yet, so it is"
+        " never named"
     )
     check: CheckAnswer
 
@@ -111,4 +112,4 @@ def _scope(clause: Clause) -> dict[str, Any]:
 def _made_by(effect: Effect) -> Made:
     if effect.is_reading:
         return "reading"
-    return "simulation" if effect.id in EFFECTS else "not_yet"
+    return "simulation" if effect.id in SIMULATED["pile"] else "charge"

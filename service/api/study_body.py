@@ -14,6 +14,8 @@ from service.api.study_parts import (
     MOST_ROWS,
     STRICT,
     CoarseBody,
+    ModelVersion,
+    Moisture,
     ObjectiveBody,
     ResponseBody,
     TableRowBody,
@@ -103,15 +105,8 @@ class StudyBody(BaseModel):
     seed: Annotated[int, Field(description="the same seed gives the same designs")] = 1
     fill_level: Annotated[float, Field(description="share of the cylinder that is filled, 0.1 to 1")] = 1.0
     time_step: Annotated[str, Field(description="fast or paper")] = "fast"
-    model_version: Annotated[
-        str | None,
-        Field(
-            description="name of a version that a diagnosis extended; default: the baseline without effects"
-        ),
-    ] = None
-    moisture_percent: Annotated[
-        float, Field(description="of the burden; only a model version's cohesion feels it")
-    ] = 0.0
+    model_version: ModelVersion = None
+    moisture_percent: Moisture = 0.0
 
     def to_spec(self) -> StudySpec:
         """The study asked for, with the material's defaults. Raises InvalidValue."""
@@ -140,16 +135,8 @@ class StudyBody(BaseModel):
             warm_start=tuple(self.warm_start),
             fill_level=self.fill_level,
             time_step=self.time_step,
-            model=self._model(),
+            model=ModelUse.asked(self.model_version, self.moisture_percent),
         )
-
-    def _model(self) -> ModelUse | None:
-        if self.model_version is not None:
-            return ModelUse(self.model_version, self.moisture_percent)
-        if self.moisture_percent:
-            allowed = "0 without a model_version: the baseline knows no water"
-            raise InvalidValue("moisture_percent", self.moisture_percent, allowed)
-        return None
 
     def _space(self) -> SearchSpace:
         if self.variables is None:

@@ -18,6 +18,11 @@ from service.domain.study import TableRow
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 MOST_ROWS = 1_000
 
+ModelVersion = Annotated[
+    str | None,
+    Field(description="name of a version that a diagnosis extended; default: the baseline without effects"),
+]
+Moisture = Annotated[float, Field(description="of the burden; only a model version's cohesion feels it")]
 Window = Annotated[list[float] | None, Field(min_length=2, max_length=2)]
 
 

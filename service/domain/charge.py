@@ -16,10 +16,12 @@ from typing import Any
 from demcore.dormancy import Dormancy
 from demcore.errors import InputError
 from demcore.experiments.charge_case import ChargeTest, load_charge
+from demcore.experiments.charge_effects import with_effects
 from demcore.experiments.contact_parameters import LIMITS, ContactParameters
 from demcore.geometry.mesh_file import UNITS
 from demcore.plant.plant_file import change_plant, replace_part
 from service.domain.errors import InvalidValue
+from service.domain.model_use import ModelUse
 
 # One set of numbers for all contacts of a mix, as the paper has it.
 ALL = "all"
@@ -49,7 +51,7 @@ class ChargeSpec:
     """One charge. `plant` holds what differs from the shipped plant, by part and key of data/plant.toml; `meshes`
     stand for parts; `parameters` are contact numbers by material, or for ALL contacts, the paper's where empty,
     and `parameters_from` says where they come from. `frame_seconds`: simulated time between two frames of the
-    series, None for none."""
+    series, None for none. `model`: a version of the model that the charge is simulated with."""
 
     charge: str
     scale: float = 4.0
@@ -61,6 +63,7 @@ class ChargeSpec:
     meshes: Mapping[str, PartMesh] = field(default_factory=dict)
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     parameters_from: str = "paper, Table 5"
+    model: ModelUse | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "plant", MappingProxyType(dict(self.plant)))
@@ -85,13 +88,15 @@ class ChargeSpec:
             "meshes": {part: asdict(mesh) for part, mesh in self.meshes.items()},
             "parameters": {name: dict(row) for name, row in self.parameters.items()},
             "parameters_from": self.parameters_from,
+            **({} if self.model is None else {"model": self.model.as_record()}),
         }
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> ChargeSpec:
         """The spec that was stored: `from_record(as_record(s)) == s`."""
         meshes = {part: PartMesh(**row) for part, row in record["meshes"].items()}
-        return cls(**{**record, "meshes": meshes})
+        model = ModelUse(**record["model"]) if record.get("model") else None
+        return cls(**{**record, "meshes": meshes, "model": model})
 
 
 def charge_test(spec: ChargeSpec, store: Path, time_step_factor: float = 1.0) -> ChargeTest:
@@ -100,7 +105,7 @@ def charge_test(spec: ChargeSpec, store: Path, time_step_factor: float = 1.0) ->
         plant = change_plant(spec.plant, TOLD)
         for part, mesh in spec.meshes.items():
             plant = replace_part(plant, part, store / mesh.path, mesh.units, mesh.up, mesh.file_name)
-        return ChargeTest(
+        ideal = ChargeTest(
             load_charge(spec.charge, contact_parameters(spec.parameters)),
             plant,
             scale=spec.scale,
@@ -109,6 +114,7 @@ def charge_test(spec: ChargeSpec, store: Path, time_step_factor: float = 1.0) ->
             dormancy=Dormancy() if spec.dormancy else None,
             time_step_factor=float(time_step_factor),
         )
+        return ideal if spec.model is None else with_effects(ideal, spec.model.effects)
     except InputError as error:
         raise InvalidValue(error.field, error.value, error.allowed) from error
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from demcore.case import Numerics
 from demcore.errors import InputError
+from demcore.experiments import charge_effects, pile_effects
 from demcore.experiments.contact_parameters import ContactParameters
 from demcore.experiments.pile_case import PileTest
-from demcore.experiments.pile_effects import EFFECTS
 from demcore.experiments.pile_setting import PileSetting
 from demcore.material import Material, SizeClass, SizeDistribution, load_material, material_names
 from demcore.rig import Rig, load_rig
@@ -23,6 +23,11 @@ from service.domain.data_set.records import Condition, Psd
 from service.domain.effects import Library
 from service.domain.search_space import default_values
 
+# The effects that a simulation has, by what is simulated.
+SIMULATED: Mapping[str, Collection[str]] = {
+    "pile": frozenset(pile_effects.EFFECTS),
+    "charge": frozenset(charge_effects.EFFECTS),
+}
 # A stated size stands for a class of this half width, so that equal grains do not crystallise.
 HALF_WIDTH = 1.1
 # Less of the cylinder than this is no pile test.
@@ -79,7 +84,8 @@ def acting_effects(known: Library, condition: Condition, amplitudes: Mapping[str
     """What a simulation makes of amplitudes by effect key in a condition: those in scope and not 0, cohesion in
     proportion to the water that there is."""
     in_scope = {key for e in known.effects if e.acts_on(condition) for key in e.keys}
-    given = {k: a for k, a in amplitudes.items() if a and k in in_scope and k.partition("@")[0] in EFFECTS}
+    made = SIMULATED[condition.test]
+    given = {k: a for k, a in amplitudes.items() if a and k in in_scope and k.partition("@")[0] in made}
     if "cohesion" in given:
         given["cohesion"] *= min(condition.moisture_percent / MOISTURE_OF_COHESION, 1.0)
     return given

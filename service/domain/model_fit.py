@@ -1,4 +1,4 @@
-"""Whether a version of the model fits the pile of a study, and what it is simulated with there.
+"""Whether a version of the model fits the pile of a study, or a charge, and what it is simulated with there.
 
 A version is found on measured piles and says of which material, with which contact law and how coarse they were
 simulated; used elsewhere its amplitudes mean something else, so it is refused there.
@@ -10,14 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from demcore.errors import InputError
+from demcore.experiments import charge_effects
+from demcore.experiments.charge_case import ChargeTest
 from demcore.experiments.pile_case import ContactParameters, PileTest
-from demcore.experiments.pile_effects import EFFECTS, with_effects
+from demcore.experiments.pile_effects import with_effects
 from demcore.material import load_material
 from demcore.rig import load_rig
 from service.domain.data_set.records import Condition
 from service.domain.effects import library
 from service.domain.errors import InvalidValue
-from service.domain.measured_pile import acting_effects
+from service.domain.measured_pile import SIMULATED, acting_effects
 from service.domain.model_use import FIELD, ModelUse
 from service.domain.search_space import default_values
 
@@ -25,6 +27,9 @@ from service.domain.search_space import default_values
 CONTACT_MODEL = "paper"
 # An amplitude holds for grains about as coarse as those of the diagnosis: up to twice as coarse or as fine.
 FARTHEST_SCALE = 2.0
+# What an effect of the lab's pile is called in a charge.
+IN_A_CHARGE: Mapping[str, str] = {"base_rough": "liner_wear"}
+WHERE: Mapping[str, str] = {"pile": "a study's pile", "charge": "a charge"}
 
 
 @dataclass(frozen=True)
@@ -40,19 +45,8 @@ class FoundOn:
 
 def fitted(use: ModelUse, found: FoundOn, material: str, scale: float, fill_level: float) -> ModelUse:
     """The use with its effects. Raises InvalidValue, in one sentence, where the version does not fit the pile."""
-    if material not in found.materials:
-        allowed = f"a version found on {material}: this one was found on {', '.join(sorted(found.materials))}"
-        raise InvalidValue(FIELD, use.name, allowed)
-    if found.contact_model != CONTACT_MODEL:
-        allowed = (
-            f"a version found with {CONTACT_MODEL} contacts, as a study simulates: this one was found with "
-        )
-        raise InvalidValue(FIELD, use.name, allowed + f"{found.contact_model} contacts")
-    coarsest, finest = found.scales[1] * FARTHEST_SCALE, found.scales[0] / FARTHEST_SCALE
-    if not finest <= scale <= coarsest:
-        allowed = f"a version for scale {scale:g}: this one holds from {finest:.3g} to {coarsest:.3g}"
-        raise InvalidValue(FIELD, use.name, allowed)
-    effects = _simulated(use, material, found.amplitudes)
+    _check(use, found, material, scale)
+    effects = _simulated(use, "pile", material, found.amplitudes)
     try:
         plain = PileTest(
             load_material(material),
@@ -67,24 +61,52 @@ def fitted(use: ModelUse, found: FoundOn, material: str, scale: float, fill_leve
     return ModelUse(use.name, use.moisture_percent, effects)
 
 
-def _simulated(use: ModelUse, material: str, amplitudes: Mapping[str, float]) -> dict[str, float]:
+def fitted_charge(use: ModelUse, found: FoundOn, test: ChargeTest) -> ModelUse:
+    """The same for a charge. What was found of the base of the lab is taken for the hopper's liner: they are one
+    class of the library, and no pile tells them apart."""
+    _check(use, found, test.charge.material.name, test.scale)
+    amplitudes = {IN_A_CHARGE.get(name, name): amplitude for name, amplitude in found.amplitudes.items()}
+    effects = _simulated(use, "charge", test.charge.material.name, amplitudes)
+    try:
+        charge_effects.with_effects(test, effects)
+    except InputError as error:
+        raise InvalidValue(FIELD, use.name, f"one that this charge can have: {error}") from error
+    return ModelUse(use.name, use.moisture_percent, effects)
+
+
+def _check(use: ModelUse, found: FoundOn, material: str, scale: float) -> None:
+    if material not in found.materials:
+        allowed = f"a version found on {material}: this one was found on {', '.join(sorted(found.materials))}"
+        raise InvalidValue(FIELD, use.name, allowed)
+    if found.contact_model != CONTACT_MODEL:
+        allowed = (
+            f"a version found with {CONTACT_MODEL} contacts, as a study simulates: this one was found with "
+        )
+        raise InvalidValue(FIELD, use.name, allowed + f"{found.contact_model} contacts")
+    coarsest, finest = found.scales[1] * FARTHEST_SCALE, found.scales[0] / FARTHEST_SCALE
+    if not finest <= scale <= coarsest:
+        allowed = f"a version for scale {scale:g}: this one holds from {finest:.3g} to {coarsest:.3g}"
+        raise InvalidValue(FIELD, use.name, allowed)
+
+
+def _simulated(use: ModelUse, kind: str, material: str, amplitudes: Mapping[str, float]) -> dict[str, float]:
+    """Of an ideal test: the cylinder of a pile vanishes; the mass is in no effect's scope."""
     known = library()
-    # A study's ideal test: the cylinder vanishes; the filled mass is in no effect's scope.
-    pile = Condition("study", "pile", material, 1.0, moisture_percent=use.moisture_percent)
+    test = Condition("ideal", kind, material, 1.0, moisture_percent=use.moisture_percent)
     keys = {}
     for name, amplitude in amplitudes.items():
-        if name not in known or (name not in EFFECTS and not known[name].is_reading):
-            raise InvalidValue(FIELD, use.name, f"effects that a pile is simulated with: {name} is none")
+        if name not in known or (name not in SIMULATED[kind] and not known[name].is_reading):
+            raise InvalidValue(FIELD, use.name, f"effects that a {kind} is simulated with: {name} is none")
         effect = known[name]
         if effect.is_reading:
             allowed = (
                 f"effects of the grains or the test: {name} is a fault of the measurement, so correct that"
             )
             raise InvalidValue(FIELD, use.name, allowed)
-        if not effect.acts_on(pile):
+        if not effect.acts_on(test):
             wet = " (state its moisture_percent)" if name == "cohesion" else ""
-            allowed = f"effects that act on a study's pile: {name} has nothing to act on there{wet}"
+            allowed = f"effects that act on {WHERE[kind]}: {name} has nothing to act on there{wet}"
             raise InvalidValue(FIELD, use.name, allowed)
         # Of an effect with a direction, any serves: a study's responses do not tell directions.
         keys[effect.keys[0]] = amplitude
-    return acting_effects(known, pile, keys)
+    return acting_effects(known, test, keys)

@@ -1,11 +1,11 @@
-"""The version of the model that a study simulates with: the named effects of a diagnosis, by one number each."""
+"""The version of the model that a study or a charge simulates with: the effects that a diagnosis named."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 from service.domain.errors import InvalidValue
 
@@ -27,6 +27,16 @@ class ModelUse:
         if not 0.0 <= self.moisture_percent <= 40.0:
             raise InvalidValue("moisture_percent", self.moisture_percent, "0 to 40 percent")
         object.__setattr__(self, "effects", MappingProxyType(dict(self.effects)))
+
+    @classmethod
+    def asked(cls, name: str | None, moisture_percent: float) -> Self | None:
+        """What a request names; None for the baseline. Raises InvalidValue."""
+        if name is not None:
+            return cls(name, moisture_percent)
+        if moisture_percent:
+            allowed = "0 without a model_version: the baseline knows no water"
+            raise InvalidValue("moisture_percent", moisture_percent, allowed)
+        return None
 
     def as_record(self) -> dict[str, Any]:
         """Plain JSON types only."""

@@ -20,6 +20,7 @@ from service.studies.advance_study import ATTEMPTS
 from service.studies.charge_rate import expected_rate
 from service.studies.create_study import KeyReused
 from service.studies.resolve_sets import resolve_sets
+from service.studies.use_model import use_model_in_charge
 
 
 def create_charges(
@@ -29,9 +30,9 @@ def create_charges(
     folder of uploaded meshes.
 
     Raises InvalidValue for a plant that cannot be charged, a mass that does not fit, numbers that the contact
-    model does not take, a study or a geometry that is not there; KeyReused.
+    model does not take, a study, a geometry or a model version that is not there or does not fit; KeyReused.
     """
-    specs = _specs(session, request)
+    specs = _specs(session, request, geometries)
     wanted = request_hash(specs)
     stored = _stored(session, idempotency_key, wanted)
     if stored:
@@ -85,14 +86,15 @@ def _stored(session: Session, idempotency_key: str | None, wanted: str) -> list[
     return list(session.scalars(series))
 
 
-def _specs(session: Session, request: ChargeRequest) -> list[ChargeSpec]:
+def _specs(session: Session, request: ChargeRequest, geometries: Path) -> list[ChargeSpec]:
     spec = replace(request.spec, meshes=_meshes(session, request))
     sets = resolve_sets(session, spec.charge, request.sources)
-    return [
+    asked = [
         replace(spec, seed=seed, parameters=found.parameters, parameters_from=found.source)
         for found in sets
         for seed in request.seeds
     ]
+    return [use_model_in_charge(session, one, geometries) for one in asked]
 
 
 def _meshes(session: Session, request: ChargeRequest) -> dict[str, PartMesh]:

@@ -1,18 +1,20 @@
-"""Look up the model version that a study names, and take its effects into what the study asks for."""
+"""Look up the model version that a study or charge names, and take its effects into what is asked for."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.db.models import DataSetRow, DiagnosisRow, ModelVersionRow
+from service.domain.charge import ChargeSpec, charge_test
 from service.domain.data_set.stored import from_record
 from service.domain.errors import InvalidValue
 from service.domain.measured_pile import pile_scale
-from service.domain.model_fit import FoundOn, fitted
+from service.domain.model_fit import FoundOn, fitted, fitted_charge
 from service.domain.model_use import FIELD
 from service.domain.study import StudySpec
 
@@ -24,16 +26,27 @@ def use_model(session: Session, spec: StudySpec) -> StudySpec:
     """
     if spec.model is None:
         return spec
-    name = spec.model.name
+    found = _find(session, spec.model.name)
+    return replace(spec, model=fitted(spec.model, found, spec.material, spec.scale, spec.fill_level))
+
+
+def use_model_in_charge(session: Session, spec: ChargeSpec, geometries: Path) -> ChargeSpec:
+    """The same for a charge; `geometries` is the folder of uploaded meshes."""
+    if spec.model is None:
+        return spec
+    found = _find(session, spec.model.name)
+    plain = charge_test(replace(spec, model=None), geometries)
+    return replace(spec, model=fitted_charge(spec.model, found, plain))
+
+
+def _find(session: Session, name: str) -> FoundOn:
     row = session.scalars(select(ModelVersionRow).where(ModelVersionRow.name == name)).one_or_none()
     if row is None:
         raise InvalidValue(FIELD, name, "the name of a model version (GET /v1/model-versions)")
     if row.withdrawn_at is not None:
         when = datetime.fromtimestamp(row.withdrawn_at, UTC).date().isoformat()
         raise InvalidValue(FIELD, name, f"a version that still holds: this one was withdrawn on {when}")
-    return replace(
-        spec, model=fitted(spec.model, _found_on(session, row), spec.material, spec.scale, spec.fill_level)
-    )
+    return _found_on(session, row)
 
 
 def _found_on(session: Session, row: ModelVersionRow) -> FoundOn:

@@ -14,8 +14,9 @@ from demcore.contact.still_air import StillAir
 from demcore.contact.velocity_hysteretic_spring import VelocityHystereticSpring
 from demcore.errors import InputError
 from demcore.experiments.contact_parameters import ContactParameters, PairwiseParameters
+from demcore.experiments.grain_effects import FINEST_RATIO
 from demcore.experiments.pile_case import BASE, CYLINDER, PileTest
-from demcore.experiments.pile_effects import EFFECTS, FINEST_RATIO, with_effect, with_effects
+from demcore.experiments.pile_effects import EFFECTS, with_effect, with_effects
 from demcore.experiments.pile_setting import PileSetting, Vibration
 from demcore.experiments.pile_test import run_pile_test
 from demcore.material import SizeClass, SizeDistribution, load_material
