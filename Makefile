@@ -10,6 +10,7 @@
 #   make load [FOR=60]                                            50 requests/s beside two busy workers
 #   make secure                                                  risky calls, secrets, known holes
 #   make test | slow | lint                                      the tests, the long tests, the linters
+#   make test-browser                                            the pages in Debian's chromium
 #   make setup | dev                                             only the environment: to run, to develop
 #   make lock                                                    bring both lock files up to date
 #   make clean                                                   remove .venv and caches (not var/, the data)
@@ -35,7 +36,7 @@ SEED ?=
 OUT ?=
 TESTS ?=
 
-.PHONY: help setup dev demo charge compare-workers serve test slow faults load secure lint lock clean
+.PHONY: help setup dev demo charge compare-workers serve test test-browser slow faults load secure lint lock clean
 
 help:
 	@sed -n 's/^#  *make/make/p' Makefile
@@ -68,10 +69,13 @@ serve: $(READY)
 
 # One thread of linear algebra for each process: its matrices are small, and a second thread only waits (the tests
 # of the diagnosis took 3.7 times the processor time).
-test slow: export OPENBLAS_NUM_THREADS := 1
+test test-browser slow: export OPENBLAS_NUM_THREADS := 1
 
 test: $(DEV)
 	@$(BIN)/python -m pytest -m "not slow and not browser" --numprocesses auto --maxprocesses 4 --dist loadfile $(TESTS)
+
+test-browser: $(DEV)
+	@$(BIN)/python -m pytest -m browser --numprocesses 0 tests/browser $(TESTS)
 
 slow: $(DEV)
 	@$(BIN)/python -m pytest -m "slow or browser" $(TESTS)

@@ -32,7 +32,7 @@ from service.api import (
 from service.api.authentication import Gate
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
-from service.dashboard import assets, diagnosis_page, login, pages
+from service.dashboard import analysis_page, assets, diagnosis_page, login, pages
 from service.db.session import Database
 from service.logs import configure_logs
 from service.settings import Settings, get_settings
@@ -88,6 +88,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.include_router(module.router)
     app.include_router(login.router)
     app.include_router(pages.router)
+    app.include_router(analysis_page.router)
     app.include_router(diagnosis_page.router)
     app.include_router(assets.router)
     install_handlers(app)

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from service.dashboard import charts, formats, words
 from service.dashboard.gauge import Gauge, draw_gauge
+from service.dashboard.reported_study import ReportedStudy
 from service.dashboard.words import Word
 from service.db import dashboard_reads, read_models
 from service.db.dashboard_reads import Health, StudySnapshot
@@ -17,7 +18,7 @@ from service.db.models import ArtifactRow, DesignRow, ReportRow, StudyRow
 from service.db.read_models import DesignView
 from service.domain.noise import RunNoise
 from service.domain.spec_record import primary_response
-from service.domain.states import JobKind, StudyState, Verdict, is_over
+from service.domain.states import StudyState, Verdict, is_over
 from service.studies.read_noise import read_noise
 
 # The certificate's demand on the window (worker/optimizer/acquisition.py, calibration.md decision 5).
@@ -53,7 +54,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class StudyPage:
+class StudyPage(ReportedStudy):
     """Everything that the templates of a study read."""
 
     snapshot: StudySnapshot
@@ -64,43 +65,8 @@ class StudyPage:
     noise: tuple[RunNoise, ...] = ()
 
     @property
-    def is_settled(self) -> bool:
-        """Nothing on the page changes any more: the study is over, and so is its report."""
-        return self.is_over and not self.report_is_open
-
-    @property
     def can_be_changed(self) -> bool:
         return self.study.state in (StudyState.RUNNING, StudyState.PAUSED)
-
-    @property
-    def report(self) -> Mapping[str, Any] | None:
-        return None if self.known is None else self.known.content
-
-    @property
-    def report_is_open(self) -> bool:
-        return any(job.job.kind is JobKind.REPORT for job in self.snapshot.jobs)
-
-    @property
-    def report_is_current(self) -> bool:
-        if self.known is None:
-            return False
-        return all((row.ended_at or 0.0) <= self.known.created_at for row in self.snapshot.designs)
-
-    @property
-    def report_sentences(self) -> list[str]:
-        """What a table does not hold: combinations that are fixed where their members are not, the next test."""
-        report = self.report or {}
-        combined = [text for text in report["posterior"]["text"] if text.startswith("Identified only")]
-        tests = [f"Test next: {test['text']}" for test in report.get("which_test_next", ())[:2]]
-        return [*combined, *tests]
-
-    @property
-    def study(self) -> StudyRow:
-        return self.snapshot.study
-
-    @property
-    def is_over(self) -> bool:
-        return is_over(self.study.state)
 
     @property
     def used(self) -> int:

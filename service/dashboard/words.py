@@ -26,6 +26,21 @@ PARAMETER_NAMES: Mapping[str, str] = {
     "rolling_resistance": "rolling resistance",
 }
 
+# Short names of observables, for axes; what each is, and its unit, stands in service/domain/observables.py.
+OBSERVABLE_NAMES: Mapping[str, str] = {
+    "angle_deg": "repose angle",
+    "literal_angle_deg": "literal angle",
+    "mass_on_base_kg": "mass on the base",
+    "discharge_t90_s": "discharge, 90 %",
+    "heap_height_m": "height of the heap",
+    "heap_top_m": "top of the heap",
+    "share_on_base": "share on the base",
+    "discharge_t50_s": "discharge, 50 %",
+    "filled_bulk_density_kg_m3": "bulk density",
+    "fill_height_m": "height of the fill",
+}
+UNITS: Mapping[str, str] = {"deg": "°", "1": "", "kg/m3": "kg/m³"}
+
 STUDY_STATES: Mapping[str, Word] = {
     "running": Word("running", "Simulations are proposed and run."),
     "paused": Word("paused", "Nothing new is proposed or started until somebody resumes it."),

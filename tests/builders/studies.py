@@ -134,6 +134,7 @@ A_REPORT: dict[str, Any] = {
             "rolling_resistance is identified.",
             "Identified only as a combination: friction + rolling.",
         ],
+        "draws": {"names": [], "x": [], "means": []},
     },
     "which_test_next": [{"text": "Mass on the base: the spread of friction is expected to shrink to 40 %."}],
     "ensemble": {

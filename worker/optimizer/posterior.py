@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from service.domain.search_space import SearchSpace
 from service.domain.study import StudySpec
@@ -146,6 +147,13 @@ def draw(known: Beliefs, points: int = POINTS) -> Sample:
     w = np.exp(log_w - np.max(log_w))
     means = {name: mean for name, (mean, _) in predicted.items()}
     return Sample(u, w / np.sum(w), ok, worst, means, {name: sd for name, (_, sd) in predicted.items()})
+
+
+def resample(sample: Sample, count: int) -> NDArray[np.intp]:
+    """Rows (count,) of equal weight by systematic resampling (Douc and Cappe 2005, section 2.4) without a random
+    start: row i comes floor or ceil of count w_i times, and the same sample gives the same rows."""
+    places = (np.arange(count) + 0.5) / count
+    return np.minimum(np.searchsorted(np.cumsum(sample.w), places), len(sample.w) - 1)
 
 
 def describe(space: SearchSpace, sample: Sample) -> Posterior:

@@ -1,6 +1,6 @@
 """`study_report`: what a running or finished study says, as one plain-JSON record; a pure function.
 
-    version           1
+    version           2 (1 had neither posterior.draws nor slices.pairs)
     designs           {finished, failed, with_results}
     enough            false: too few results to fit, and all below is left out; `text` says what is missing
     responses         by observable: {unit, target, target_sd, window, tolerance, noise_sd, inflation, designs,
@@ -9,7 +9,9 @@
     posterior         {parameters: [{name, mean, sd, lower_90, upper_90, sd_ratio, label}],
                        correlations: matrix in that order,
                        combinations: [{coefficients by parameter in widths of the ranges, sd_ratio, label, text}],
-                       share_within_2_sigma, effective_points, text: [a sentence each]}
+                       share_within_2_sigma, effective_points, text: [a sentence each],
+                       draws: {names, x as rows, means of the primary response}: equally weighted sets, few enough
+                       to plot, to four digits}
     optimum           {x by parameter, window_probability, time_step_s, distance_to_literature, tied, rule}
     which_test_next   [{test, unit, meaning, lab_sd, expected, expected_sd, sd_ratios by parameter, overall,
                        source, text}], the most valuable first; `which_test_next_assumes`: a sentence
@@ -18,22 +20,26 @@
                        variance_share_emulator_error, total_share, total_share_error, total_share_emulator_error,
                        rank_correlation, p_value}], errors are 90 % half-widths
     slices            of the primary response through the optimum: {along: [{names, axes, means, sds}],
-                       over: {names, axes, means, sds as rows} or null}
+                       over: {names, axes, means, sds as rows} or null, of the two variables that move it most,
+                       pairs: the same of every two of the MOST_CROSSED that move it most, to four digits}
 
 Numbers are finite or null; lengths of lists do not depend on the number of designs. Physical units throughout.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
+
+import numpy as np
 
 from service.domain.noise import run_noise
 from service.domain.study import StudySpec
 from worker.optimizer.acquisition import counting_sd
-from worker.optimizer.design import to_unit
+from worker.optimizer.design import FloatArray, to_unit
 from worker.optimizer.history import History
 from worker.optimizer.next_test import TestValue, which_test_next
 from worker.optimizer.optimum import RULE, Ensemble, Optimum, Preferences, ensemble, optimum
@@ -42,13 +48,18 @@ from worker.optimizer.posterior import (
     POINTS,
     Beliefs,
     Posterior,
+    Sample,
     beliefs,
     describe,
     draw,
+    resample,
 )
 from worker.optimizer.sensitivity import Effect, Slice, effects, slice_along, slice_over
 
-VERSION = 1
+VERSION = 2
+# Draws of the posterior that a report keeps, and the variables whose pairs are cut: 15 surfaces of 21 by 21.
+DRAWS = 400
+MOST_CROSSED = 6
 # Sets in a report; the first n of them are the ensemble of n.
 MEMBERS = 20
 ASSUMED = (
@@ -91,7 +102,7 @@ def study_report(
             "designs": counts,
             "enough": True,
             "responses": _responses(known, history),
-            "posterior": _posterior(found),
+            "posterior": {**_posterior(found), "draws": _draws(known, sample)},
             "optimum": {**asdict(best), "x": spec.space.as_dict(best.x), "rule": RULE},
             "which_test_next": [_test(test) for test in tests],
             "which_test_next_assumes": ASSUMED,
@@ -163,8 +174,9 @@ def sentences(found: Posterior) -> list[str]:
 
 
 def _test(test: TestValue) -> dict[str, Any]:
+    unit = "" if test.unit == "1" else f" {test.unit}"
     text = (
-        f"{test.meaning} (+-{test.lab_sd:.2g} {test.unit}): the spread of {test.best} is expected to shrink to "
+        f"{test.meaning} (+-{test.lab_sd:.2g}{unit}): the spread of {test.best} is expected to shrink to "
         f"{100 * test.sd_ratios[test.best]:.0f} % of today's."
     )
     return {**asdict(test), "text": text[0].upper() + text[1:]}
@@ -189,8 +201,27 @@ def _slices(known: Beliefs, best: Optimum, moved: tuple[Effect, ...]) -> dict[st
     along = [slice_along(emulator, space, best.x, j) for j in range(space.dimension)]
     # Over the two variables that move the response most.
     order = sorted(range(len(moved)), key=lambda j: (-moved[j].total_share, j))
-    over = None if len(order) < 2 else slice_over(emulator, space, best.x, (order[0], order[1]))
-    return {"along": [_slice(s) for s in along], "over": None if over is None else _slice(over)}
+    crossed = itertools.combinations(order[:MOST_CROSSED], 2)
+    over = [slice_over(emulator, space, best.x, pair) for pair in crossed]
+    return {
+        "along": [_slice(s) for s in along],
+        "over": _slice(over[0]) if over else None,
+        "pairs": [_slice(replace(s, means=_short(s.means), sds=_short(s.sds))) for s in over],
+    }
+
+
+def _draws(known: Beliefs, sample: Sample) -> dict[str, Any]:
+    """Sets as likely as each other, in physical units, with the mean of the primary response."""
+    space, chosen = known.spec.space, resample(sample, DRAWS)
+    lower = np.array([v.lower for v in space.variables])
+    width = np.array([v.upper - v.lower for v in space.variables])
+    means = sample.means[known.spec.primary.observable][chosen]
+    return {"names": space.names, "x": _short(lower + width * sample.u[chosen]), "means": _short(means)}
+
+
+def _short(values: FloatArray) -> FloatArray:
+    """To four digits, for what is only drawn: a third of the bytes."""
+    return np.array([float(f"{value:.4g}") for value in values.ravel()]).reshape(values.shape)
 
 
 def _slice(cut: Slice) -> dict[str, Any]:

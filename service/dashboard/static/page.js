@@ -50,6 +50,7 @@ async function refresh() {
     applyParts(answer);
     if (answer.charts) {
       drawCharts(answer.charts);
+      document.dispatchEvent(new CustomEvent("talus:charts", { detail: answer.charts }));
     }
     isOver = answer.is_over;
     settle();

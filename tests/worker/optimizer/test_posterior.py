@@ -13,7 +13,7 @@ from tests.worker.optimizer.studies import at, space
 from worker.optimizer.acquisition import counting_sd
 from worker.optimizer.history import Design, History
 from worker.optimizer.outlook import build_outlook
-from worker.optimizer.posterior import Posterior, describe, draw, interval, label, posterior
+from worker.optimizer.posterior import Posterior, Sample, describe, draw, interval, label, posterior, resample
 from worker.optimizer.posterior import beliefs as known_of
 from worker.optimizer.report import sentences
 
@@ -240,3 +240,11 @@ def test_an_observable_that_some_designs_lack_is_fitted_to_the_others() -> None:
     share = known.emulators["share_on_base"]
     assert share.designs == 18
     assert share.mean(np.array([[0.5, 0.5]]))[0] == pytest.approx(0.25, abs=0.02)
+
+
+def test_systematic_resampling_takes_each_row_by_its_weight() -> None:
+    """Row i comes floor or ceil of count w_i times; a weight of nothing is never drawn."""
+    w = np.array([0.5, 0.0, 0.26, 0.24])
+    none = np.zeros(4)
+    rows = resample(Sample(np.zeros((4, 1)), w, none, none, {}, {}), 50)
+    assert np.bincount(rows, minlength=4).tolist() == [25, 0, 13, 12]

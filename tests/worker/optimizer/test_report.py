@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,7 +14,7 @@ from service.domain.search_space import default_space
 from service.domain.study import Response, StudySpec
 from worker.optimizer.design import sobol
 from worker.optimizer.history import Design, History
-from worker.optimizer.report import MEMBERS, VERSION, study_report
+from worker.optimizer.report import DRAWS, MEMBERS, VERSION, study_report
 from worker.optimizer.synthetic import crash_probability, true_angle
 
 SPEC = StudySpec("coke", 2.0, default_space(), (Response("angle_deg", 36.5, (35.0, 38.0), 0.5),))
@@ -53,10 +54,30 @@ def test_a_report_is_whole_and_plain() -> None:
     assert [s["names"] for s in report["slices"]["along"]] == [[n] for n in names]
     over = report["slices"]["over"]
     assert len(over["means"]) == len(over["axes"][0]) and len(over["means"][0]) == len(over["axes"][1])
+    pairs = report["slices"]["pairs"]
+    assert {frozenset(p["names"]) for p in pairs} == {frozenset(p) for p in combinations(names, 2)}
+    assert pairs[0]["names"] == over["names"]
+    np.testing.assert_allclose(pairs[0]["means"], over["means"], rtol=5e-4)
     said = {test["test"]: test for test in report["which_test_next"]}
     assert said["mass_on_base_kg"]["source"].startswith("emulator of")
     assert min(said["mass_on_base_kg"]["sd_ratios"], key=said["mass_on_base_kg"]["sd_ratios"].get) == WALL
     assert report["which_test_next_assumes"]
+
+
+def test_draws_have_the_moments_of_the_posterior() -> None:
+    """400 draws of equal weight: means within four standard errors, and all inside the box."""
+    found = study_report(SPEC, history(24), points=8192)["posterior"]
+    draws = found["draws"]
+    x = np.array(draws["x"])
+    assert x.shape == (DRAWS, 4) and len(draws["means"]) == DRAWS
+    for column, name in enumerate(draws["names"]):
+        told = next(p for p in found["parameters"] if p["name"] == name)
+        variable = SPEC.space.variables[column]
+        assert variable.lower <= x[:, column].min() <= x[:, column].max() <= variable.upper
+        assert abs(x[:, column].mean() - told["mean"]) < 4.0 * told["sd"] / np.sqrt(DRAWS)
+        assert abs(x[:, column].std() / told["sd"] - 1.0) < 0.2
+    # The window is the target and 1.5 degrees about it.
+    assert np.median(np.abs(np.array(draws["means"]) - 36.5)) < 1.5
 
 
 def test_the_angle_leaves_wall_friction_open_and_the_mass_closes_it() -> None:
