@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -10,6 +11,12 @@ MEDIA_TYPE = "application/problem+json"
 
 # What is echoed of a refused value: enough to recognise it, never a whole upload.
 LONGEST_ECHO = 200
+
+# repr() of what nests as deep as a JSON text may is a RecursionError, and of a whole upload a second upload.
+_BRIEF = reprlib.Repr()
+_BRIEF.maxlevel = 6
+_BRIEF.maxlist = _BRIEF.maxdict = _BRIEF.maxtuple = 40
+_BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = LONGEST_ECHO
 
 
 @dataclass(frozen=True)
@@ -21,10 +28,15 @@ class FieldError:
     allowed: str
 
     def sentence(self) -> str:
-        return f"{self.field}: got {_shortened(repr(self.value))}, allowed is {self.allowed}"
+        return f"{_shortened(self.field)}: got {_shortened(brief(self.value))}, allowed is {self.allowed}"
 
     def as_dict(self) -> dict[str, Any]:
-        return {"field": self.field, "value": echoed(self.value), "allowed": self.allowed}
+        # A name, too, may be whatever the client called it.
+        return {
+            "field": _shortened(self.field),
+            "value": echoed(self.value),
+            "allowed": _sendable(self.allowed),
+        }
 
 
 def echoed(value: Any) -> Any:
@@ -35,13 +47,21 @@ def echoed(value: Any) -> Any:
         return value
     if isinstance(value, float) and value == value and abs(value) != float("inf"):
         return value
-    return _shortened(value if isinstance(value, str) else repr(value))
+    return _shortened(value if isinstance(value, str) else brief(value))
+
+
+def brief(value: Any) -> str:
+    """repr(), in bounded time, depth and length."""
+    return _BRIEF.repr(value)
 
 
 def _shortened(text: str) -> str:
+    return _sendable(text if len(text) <= LONGEST_ECHO else text[: LONGEST_ECHO - 3] + "...")
+
+
+def _sendable(text: str) -> str:
     # A lone surrogate is valid in a JSON string literal and cannot be encoded in the answer.
-    text = text.encode("utf-8", "replace").decode("utf-8")
-    return text if len(text) <= LONGEST_ECHO else text[: LONGEST_ECHO - 3] + "..."
+    return text.encode("utf-8", "replace").decode("utf-8")
 
 
 class Problem(Exception):
@@ -61,7 +81,7 @@ class Problem(Exception):
             "type": "about:blank",
             "title": self.title,
             "status": self.status,
-            "detail": self.detail,
+            "detail": _sendable(self.detail),
         }
         if self.errors:
             content["errors"] = [error.as_dict() for error in self.errors]

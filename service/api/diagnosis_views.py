@@ -5,13 +5,14 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from service.api.study_parts import STRICT
 from service.api.views import ArtifactAnswer, as_utc
 from service.db.models import DataSetRow, ModelVersionRow
 from service.db.read_diagnoses import DiagnosisView
 from service.domain.diagnosis import DiagnosisSpec, PlanSpec
+from service.domain.plain_text import clean_text
 from service.domain.states import DesignState, JobState
 
 _DEFAULT = DiagnosisSpec(1)
@@ -23,7 +24,7 @@ class DataSetBody(BaseModel):
 
     model_config = ConfigDict(**STRICT)
 
-    name: Annotated[str, Field(min_length=1, max_length=100)]
+    name: Annotated[str, Field(min_length=1, max_length=100), AfterValidator(clean_text)]
     tables: Annotated[
         dict[str, str],
         Field(

@@ -36,6 +36,7 @@ JOB_STATES = {
     DesignState.FAILED: JobState.FAILED,
     DesignState.CANCELLED: JobState.CANCELLED,
 }
+OBJECT = "an object by parameter"
 # Placeholders of rows that nobody will claim.
 ELSEWHERE = "imported"
 
@@ -78,6 +79,13 @@ def _find(session: Session, content_hash: str) -> StudyRow | None:
 
 
 def _spec(record: dict[str, Any]) -> StudySpec:
+    for name, kind, allowed in (
+        ("material", str, "a text"),
+        ("fixed", dict, OBJECT),
+        ("derived", dict, OBJECT),
+    ):
+        if not isinstance(record.get(name, kind()), kind):
+            raise InvalidValue(f"study.spec.{name}", record[name], allowed)
     try:
         return spec_from_record(record)
     except InvalidValue as error:

@@ -73,6 +73,8 @@ def _members(session: Session, name: str, material: str, source: SetSource) -> l
     xs = _ensemble(session, field, study, source.members) if source.members > 1 else [_optimum(field, study)]
     spec = spec_from_record(study.spec)
     names = spec.space.names
+    if not all(set(names) <= set(x) for x in xs):
+        raise InvalidValue(field, study.id, "a study that gives a value to each of " + ", ".join(names))
     return [{**default_values(), **spec.parameters_of(tuple(float(x[name]) for name in names))} for x in xs]
 
 

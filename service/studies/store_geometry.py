@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -25,8 +26,10 @@ def store_geometry(session: Session, folder: Path, file_name: str, content: byte
     """
     name = Path(file_name).name
     suffix = Path(name).suffix.lower()
-    if suffix not in FORMATS or len(name) > LONGEST_NAME:
-        raise InvalidValue("file_name", file_name, "a short name that ends in " + ", ".join(FORMATS))
+    if suffix not in FORMATS or len(name) > LONGEST_NAME or not name.isprintable():
+        raise InvalidValue(
+            "file_name", file_name, "a short printable name that ends in " + ", ".join(FORMATS)
+        )
     sha256 = hashlib.sha256(content).hexdigest()
     found = session.scalars(select(GeometryRow).where(GeometryRow.sha256 == sha256)).one_or_none()
     if found is not None:
@@ -37,13 +40,13 @@ def store_geometry(session: Session, folder: Path, file_name: str, content: byte
     aside.write_bytes(content)
     try:
         mesh, report = load_mesh(aside, "m")
+        extent = _extent(mesh.vertices)
     except InputError as error:
         raise InvalidValue("geometry", name, error.allowed) from error
     else:
         aside.replace(path)
     finally:
         aside.unlink(missing_ok=True)
-    extent = [float(v) for v in np.ptp(mesh.vertices, axis=0)]
     row = GeometryRow(
         file_name=name,
         sha256=sha256,
@@ -55,3 +58,12 @@ def store_geometry(session: Session, folder: Path, file_name: str, content: byte
     session.add(row)
     session.flush()
     return row
+
+
+def _extent(vertices: NDArray[np.float64]) -> list[float]:
+    """Size along x, y and z. Raises InputError where a difference of two finite corners is not finite."""
+    with np.errstate(over="ignore"):
+        found = [float(v) for v in np.ptp(vertices, axis=0)]
+    if not np.isfinite(found).all():
+        raise InputError("geometry", found, "corners whose distances are finite")
+    return found

@@ -23,7 +23,9 @@ from pydantic import (
 )
 
 from service.domain.errors import InvalidValue
+from service.domain.plain_text import clean_text
 from service.domain.states import DesignState, StudyState, Verdict
+from service.studies.shown_parts import recommendation_part, report_part
 
 FORMAT = "talus-study"
 VERSION = 1
@@ -40,26 +42,19 @@ def content_hash(study: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _clean_text(text: str) -> str:
-    """PostgreSQL stores no NUL, and no database a half of a surrogate pair."""
-    if "\x00" in text or any("\ud800" <= character <= "\udfff" for character in text):
-        raise ValueError("a text without NUL characters and lone surrogates is needed")
-    return text
-
-
 def _plain_json(value: Any, depth: int = 0) -> Any:
     """Refuses what JSON columns cannot keep: numbers that are none, absurdly large ones, endless nesting."""
     if depth > DEEPEST:
         raise ValueError(f"at most {DEEPEST} levels of nesting are allowed")
     if isinstance(value, dict):
         for key, item in value.items():
-            _clean_text(key)
+            clean_text(key)
             _plain_json(item, depth + 1)
     elif isinstance(value, list):
         for item in value:
             _plain_json(item, depth + 1)
     elif isinstance(value, str):
-        _clean_text(value)
+        clean_text(value)
     elif isinstance(value, float) and not math.isfinite(value):
         raise ValueError("finite numbers are needed")
     elif isinstance(value, int) and abs(value) > LARGEST_INTEGER:
@@ -68,11 +63,13 @@ def _plain_json(value: Any, depth: int = 0) -> Any:
 
 
 Plain = Annotated[dict[str, Any], AfterValidator(_plain_json)]
-Text = Annotated[str, Field(max_length=20_000), AfterValidator(_clean_text)]
-Word = Annotated[str, Field(max_length=32), AfterValidator(_clean_text)]
+Text = Annotated[str, Field(max_length=20_000), AfterValidator(clean_text)]
+Word = Annotated[str, Field(max_length=32), AfterValidator(clean_text)]
 Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 Count = Annotated[int, Field(ge=0, le=LARGEST_INTEGER, strict=True)]
 Number = Annotated[float, Field(strict=True)]
+# Seconds since 1970, up to the last year that a date can have.
+Moment = Annotated[float, Field(strict=True, ge=0.0, lt=253_402_300_800.0)]
 
 
 class RunRecord(BaseModel):
@@ -84,14 +81,14 @@ class RunRecord(BaseModel):
     exit_class: Word | None
     exit_text: Text | None
     time_step_factor: Number
-    code_version: Annotated[str, Field(max_length=64), AfterValidator(_clean_text)] | None
+    code_version: Annotated[str, Field(max_length=64), AfterValidator(clean_text)] | None
     time_step_s: Number | None
     steps: Count | None
     wall_s: Number | None
     cpu_s: Number | None
     memory_mb: Number | None
-    started_at: Number
-    ended_at: Number | None
+    started_at: Moment
+    ended_at: Moment | None
 
 
 class DesignRecord(BaseModel):
@@ -103,7 +100,7 @@ class DesignRecord(BaseModel):
     x: dict[str, Number]
     scale: Number
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, strict=True)]
-    origin: Annotated[str, Field(max_length=16), AfterValidator(_clean_text)]
+    origin: Annotated[str, Field(max_length=16), AfterValidator(clean_text)]
     reason: Text
     prediction: Plain | None
     acquisition: Number | None
@@ -119,9 +116,9 @@ class DesignRecord(BaseModel):
     failure_class: Word | None
     failure_text: Text | None
     supersedes: Count | None
-    created_at: Number
-    started_at: Number | None
-    ended_at: Number | None
+    created_at: Moment
+    started_at: Moment | None
+    ended_at: Moment | None
     runs: Annotated[list[RunRecord], Field(max_length=1_000)]
 
 
@@ -153,12 +150,12 @@ class StudyRecord(BaseModel):
     spec: Plain
     state: StudyState
     stop: StopRecord | None
-    recommendation: Plain | None
-    report: Plain | None
+    recommendation: Annotated[Plain, AfterValidator(recommendation_part)] | None
+    report: Annotated[Plain, AfterValidator(report_part)] | None
     failures_forgiven: Count
     budget_changes: Annotated[list[BudgetChange], Field(max_length=1_000)]
-    created_at: Number
-    ended_at: Number | None
+    created_at: Moment
+    ended_at: Moment | None
     designs: Annotated[list[DesignRecord], Field(max_length=MOST_DESIGNS)]
 
 
@@ -170,8 +167,8 @@ class StudyFile(BaseModel):
     format: Literal["talus-study"] = Field(description="always talus-study")
     version: Literal[1] = Field(description="of this format; another one is refused")
     content_sha256: Hash = Field(description="of `study` as canonical JSON")
-    exported_at: Number = Field(description="seconds since 1970 (UTC)")
-    talus_version: Annotated[str, Field(max_length=64), AfterValidator(_clean_text)]
+    exported_at: Moment = Field(description="seconds since 1970 (UTC)")
+    talus_version: Annotated[str, Field(max_length=64), AfterValidator(clean_text)]
     study: StudyRecord
 
     @model_validator(mode="wrap")

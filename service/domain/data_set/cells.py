@@ -17,6 +17,8 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 # Names of units with small powers between * and /: pint's parser evaluates arithmetic, and 9**9**9 would not end.
 _UNIT = re.compile(r"[a-zA-Zµμ°%]+((\^|\*\*)?-?[1-9])?( ?[*/ ] ?[a-zA-Zµμ°%]+((\^|\*\*)?-?[1-9])?){0,3}")
 _LONGEST_SHOWN = 80
+# A table of which every cell is wrong would otherwise become ten times as much memory.
+MOST_BAD_CELLS = 1_000
 
 
 @dataclass(frozen=True)
@@ -45,15 +47,24 @@ class BadDataSet(ValueError):
 
 @dataclass
 class Complaints:
-    """What is wrong with one file, collected while it is read."""
+    """What is wrong with one file, collected while it is read; with MOST_BAD_CELLS the reading ends."""
 
     file: str
     cells: list[BadCell] = field(default_factory=list)
 
     def add(self, row: int | None, column: str, value: object, allowed: str) -> None:
+        """Raises BadDataSet when there are so many that more of them would help nobody."""
         text = "" if value is None else str(value)
-        shown = text if len(text) <= _LONGEST_SHOWN else text[:_LONGEST_SHOWN] + "..."
-        self.cells.append(BadCell(self.file, row, column, shown, allowed))
+        self.cells.append(BadCell(self.file, row, _shown(column), _shown(text), allowed))
+        if len(self.cells) >= MOST_BAD_CELLS:
+            rest = BadCell(
+                self.file, None, "", "the rest was not read", f"fewer than {MOST_BAD_CELLS} bad cells"
+            )
+            raise BadDataSet([*self.cells, rest])
+
+
+def _shown(text: str) -> str:
+    return text if len(text) <= _LONGEST_SHOWN else text[:_LONGEST_SHOWN] + "..."
 
 
 def parse_number(text: str) -> float | None:

@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 from service.domain.data_set.cells import (
+    MOST_BAD_CELLS,
     NAME_ALLOWED,
     PSD_ALLOWED,
     BadCell,
@@ -73,7 +74,9 @@ def data_set_from_tables(texts: dict[str, str], planned: bool = False) -> DataSe
     unknown = [name for name in texts if name not in _LAYOUTS]
     required = (CONDITIONS,) if planned and PROFILES not in texts else (CONDITIONS, OBSERVATIONS)
     missing = [name for name in required if name not in texts]
-    wrong = [BadCell(name, None, "", "an unknown table", ", ".join(_LAYOUTS)) for name in unknown]
+    wrong = [
+        BadCell(name, None, "", "an unknown table", ", ".join(_LAYOUTS)) for name in unknown[:MOST_BAD_CELLS]
+    ]
     wrong += [BadCell(name, None, "", "no such file", "a file of that name") for name in missing]
     if wrong:
         raise BadDataSet(wrong)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+import stat
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -36,8 +38,11 @@ class Layout(NamedTuple):
 def read_file(path: Path) -> str:
     """The text of a file. Raises BadDataSet where it is missing, too large or not UTF-8."""
     try:
-        if path.stat().st_size > LARGEST_FILE_BYTES:
-            raise _whole_file(path, f"{path.stat().st_size} bytes", f"at most {LARGEST_FILE_BYTES} bytes")
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):  # a pipe or a device may never end
+            raise _whole_file(path, "no regular file", "a file")
+        if found.st_size > LARGEST_FILE_BYTES:
+            raise _whole_file(path, f"{found.st_size} bytes", f"at most {LARGEST_FILE_BYTES} bytes")
         return path.read_bytes().decode("utf-8-sig")
     except (FileNotFoundError, NotADirectoryError):
         raise _whole_file(path, "no such file", "a file of that name") from None
@@ -81,9 +86,9 @@ def _check_header(header: list[str], layout: Layout, complaints: Complaints) -> 
     if not header:
         complaints.add(1, "", "an empty file", f"a header with {', '.join(layout.required)}")
         return
-    for name in dict.fromkeys(header):
-        if header.count(name) > 1:
-            complaints.add(1, name, f"{header.count(name)} columns", "each column once")
+    for name, count in Counter(header).items():
+        if count > 1:
+            complaints.add(1, name, f"{count} columns", "each column once")
         if name not in layout.columns:
             complaints.add(1, name, "an unknown column", ", ".join(layout.columns))
     for name in layout.required:
@@ -95,14 +100,17 @@ def lists_of_json(text: str, file: str) -> Mapping[str, object]:
     """The members of one JSON object. Raises BadDataSet where it is not one."""
     try:
         members = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # ValueError alone: a number of over 4,300 digits
         raise BadDataSet([BadCell(file, None, "", str(error), "JSON")]) from None
     if not isinstance(members, dict):
         raise BadDataSet([BadCell(file, None, "", type(members).__name__, "an object of tables")])
     unknown = sorted(set(members) - set(MOST_ROWS))
     if unknown:
         allowed = ", ".join(MOST_ROWS)
-        raise BadDataSet([BadCell(file, None, name, "an unknown table", allowed) for name in unknown])
+        complaints = Complaints(file)
+        for name in unknown:
+            complaints.add(None, name, "an unknown table", allowed)
+        raise BadDataSet(complaints.cells)
     return members
 
 
@@ -131,4 +139,6 @@ def _as_text(value: object) -> str:
         return ""
     if isinstance(value, bool):
         return "1" if value else "0"
+    if isinstance(value, list | dict):
+        return "[...]" if isinstance(value, list) else "{...}"  # neither a name nor a number, however deep
     return value.strip() if isinstance(value, str) else repr(value)
