@@ -18,6 +18,10 @@ STREAM_SILENCE_SECONDS = 40.0
 RECONNECT_SECONDS = 0.5
 # The supervisor brings a dead API back within seconds; after this long the service counts as gone.
 AWAY_SECONDS = 60.0
+# To connect, and to wait for an answer: a charge's plant is checked before it is stored, which takes seconds on a
+# machine whose cores simulate.
+CONNECT_SECONDS = 10.0
+TIMEOUT = httpx.Timeout(CONNECT_SECONDS, read=60.0)
 # A study of thousands of designs is a file of tens of megabytes.
 FILE_SECONDS = 120.0
 
@@ -46,11 +50,13 @@ class Event:
 class Client:
     """A connection to one service; `with Client(url) as client`."""
 
-    def __init__(self, base_url: str, transport: httpx.BaseTransport | None = None) -> None:
-        self.base_url = base_url
-        key = get_settings().api_key
+    def __init__(
+        self, base_url: str, transport: httpx.BaseTransport | None = None, api_key: str | None = None
+    ) -> None:
+        self.base_url = base_url.rstrip("/")
+        key = get_settings().api_key if api_key is None else api_key
         headers = {} if key is None else {"Authorization": f"Bearer {key}"}
-        self._http = httpx.Client(base_url=base_url, timeout=10.0, transport=transport, headers=headers)
+        self._http = httpx.Client(base_url=base_url, timeout=TIMEOUT, transport=transport, headers=headers)
 
     def __enter__(self) -> Self:
         return self
@@ -58,6 +64,9 @@ class Client:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
         self._http.close()
 
     def create_study(self, body: dict[str, Any]) -> dict[str, Any]:
@@ -151,6 +160,10 @@ class Client:
     def diagnosis(self, diagnosis_id: int) -> dict[str, Any]:
         return self._call("GET", f"/v1/diagnoses/{diagnosis_id}")
 
+    def diagnoses(self, limit: int = 20) -> list[dict[str, Any]]:
+        items: list[dict[str, Any]] = self._call("GET", f"/v1/diagnoses?limit={limit}")["items"]
+        return items
+
     def cancel_diagnosis(self, diagnosis_id: int) -> dict[str, Any]:
         return self._call("POST", f"/v1/diagnoses/{diagnosis_id}/cancel")
 
@@ -177,7 +190,7 @@ class Client:
 
     def _stream(self, study_id: int, last: str | None) -> Iterator[Event]:
         headers = {"Accept": "text/event-stream"} | ({"Last-Event-ID": last} if last else {})
-        timeout = httpx.Timeout(10.0, read=STREAM_SILENCE_SECONDS)
+        timeout = httpx.Timeout(CONNECT_SECONDS, read=STREAM_SILENCE_SECONDS)
         path = f"/v1/studies/{study_id}/events"
         with self._http.stream("GET", path, headers=headers, timeout=timeout) as answer:
             if answer.status_code >= 500:

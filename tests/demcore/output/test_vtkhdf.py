@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import pyvista
@@ -111,3 +114,10 @@ def test_a_cone_a_disc_and_a_tube_have_the_area_of_their_polygons():
         points, triangles = revolution(start, end)
         mesh = pyvista.PolyData.from_regular_faces(points, triangles)
         assert mesh.area == pytest.approx(area)
+
+
+def test_the_page_on_paraview_names_arrays_that_there_are() -> None:
+    """docs/paraview.md: every capitalised name in code marks is an array of the spheres."""
+    page = (Path(__file__).resolve().parents[3] / "docs/paraview.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([A-Z][A-Za-z]+)`", page))
+    assert {"Radius", "Material", "Velocity"} <= named <= {field.name for field in SPHERE_FIELDS}
