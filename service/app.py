@@ -32,6 +32,7 @@ from service.api import (
 from service.api.authentication import Gate
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
+from service.api.safe_headers import SafeHeaders
 from service.dashboard import analysis_page, assets, diagnosis_page, login, pages
 from service.db.session import Database
 from service.logs import configure_logs
@@ -95,8 +96,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH, geometries.GEOMETRIES_PATH)
     by_path = dict.fromkeys(large, settings.max_import_bytes)
     app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes, by_path=by_path)
-    # The last one added is the outermost: a body is read of nobody who may not send it.
+    # The last one added is the outermost: a body is read of nobody who may not send it, and refusals have the
+    # same headers as answers.
     app.add_middleware(Gate, database=database, asks_for_keys=settings.asks_for_keys)
+    app.add_middleware(SafeHeaders)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     return app
 

@@ -14,6 +14,7 @@ from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 
+from service.api.safe_headers import add_safe_headers
 from service.domain.errors import InvalidValue
 from service.domain.states import ActionNotAllowed
 from service.errors import (
@@ -167,4 +168,6 @@ def _database_error(request: Request, error: Exception) -> Response:
 
 
 def _internal_error(_request: Request, _error: Exception) -> Response:
-    return problem_response(Problem("Something went wrong inside the service; its log has the details."))
+    answer = problem_response(Problem("Something went wrong inside the service; its log has the details."))
+    add_safe_headers(answer.headers)  # it is answered outside of every middleware
+    return answer
