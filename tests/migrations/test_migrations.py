@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 from sqlalchemy import MetaData, inspect, select, text
@@ -16,23 +15,8 @@ from service.db.models import ArtifactRow, Base, ChargeRow, DesignRow, JobRow, R
 from service.db.session import Database
 from service.domain.states import JobKind, JobState, StudyState
 from service.studies.read_history import read_history
-from tests.builders.postgres import Postgres
 
 OLD_DATABASE = Path(__file__).resolve().parents[1] / "data" / "database_0001.json"
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def empty_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    if request.param == "sqlite":
-        return f"sqlite:///{tmp_path / 'empty.db'}"
-    server = request.getfixturevalue("postgres")
-    assert isinstance(server, Postgres)
-    database = Database(server.url())
-    with database.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-        connection.execute(text("drop database if exists empty with (force)"))
-        connection.execute(text("create database empty"))
-    database.dispose()
-    return server.url("empty")
 
 
 def test_from_empty_to_head_gives_the_models(empty_url: str) -> None:
