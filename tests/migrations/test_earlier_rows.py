@@ -20,7 +20,12 @@ from service.settings import Settings
 from service.studies.read_history import read_history
 
 DATA = Path(__file__).resolve().parents[1] / "data"
-REVISIONS = ("0002", "0003")
+REVISIONS = ("0002", "0003", "0004")
+PAGES = ("/", "/studies/1", "/designs/1", "/v1/studies/1", "/v1/studies/1/report", "/v1/jobs")
+PAGES_OF = {
+    "charges": ("/charges/1", "/v1/charges/1"),
+    "diagnoses": ("/diagnoses/1", "/v1/diagnoses/1", "/v1/measurements/1"),
+}
 
 
 def fill(url: str, rows: dict[str, list[dict[str, Any]]]) -> None:
@@ -65,5 +70,6 @@ def test_rows_of_an_earlier_schema_say_the_same_today(empty_url: str, tmp_path: 
         now = columns_of(client.get("/v1/studies/1/designs.csv").text)
         assert {name: now[name] for name in then} == then
         assert client.get("/v1/studies/1/export").json()["content_sha256"] == stored["said"]["content_sha256"]
-        for page in ("/", "/studies/1", "/designs/1", "/v1/studies/1", "/v1/studies/1/report", "/v1/jobs"):
+        more = (page for table in stored["rows"] for page in PAGES_OF.get(table, ()))
+        for page in (*PAGES, *more):
             assert client.get(page).status_code == 200, page
