@@ -12,7 +12,7 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 from sqlalchemy.orm import Session
 
-from service.dashboard.pages import Before, database_of, draw_parts, parse_id, parts_answer
+from service.dashboard.pages import Before, database_of, draw_parts, list_page, parse_id, parts_answer
 from service.dashboard.rendering import PageRoute, page
 from service.dashboard.words import Word
 from service.db import read_diagnoses
@@ -192,7 +192,8 @@ def read_diagnosis_page(session: Session, diagnosis_id: int) -> DiagnosisPage | 
 @router.get("/diagnoses")
 def diagnoses(request: Request, before: Before = None) -> Response:
     """All diagnoses, newest first."""
-    return page("diagnoses.html", **_list_context(request, before))
+    context = _list_context(request, before)
+    return list_page("diagnoses", "What simulations get wrong", "diagnosis", before, context)
 
 
 @router.get("/diagnoses/parts")

@@ -62,6 +62,13 @@ def draw_parts(names: tuple[str, ...], **context: Any) -> dict[str, str]:
     return {name: render(f"parts/{name}.html", **context) for name in names}
 
 
+def list_page(part: str, title: str, start: str, before: int | None, context: dict[str, Any]) -> Response:
+    """A list that keeps itself up to date: `part` its template and its address, `start` what it is of."""
+    more = "" if before is None else f"?before={before}"
+    own = {"heading": part.capitalize(), "title": title, "part": part, "start": start}
+    return page("list.html", **own, parts=f"/{part}/parts{more}", **context)
+
+
 @router.get("/")
 def overview(request: Request, before: Before = None) -> Response:
     """All studies."""
@@ -128,7 +135,8 @@ def design_parts(request: Request, design_id: str) -> Response:
 @router.get("/charges")
 def charges(request: Request, before: Before = None) -> Response:
     """All charges of the hopper."""
-    return page("charges.html", **_read_charges(request, before))
+    context = _read_charges(request, before)
+    return list_page("charges", "Charges of the hopper", "charge", before, context)
 
 
 @router.get("/charges/parts")

@@ -1,0 +1,111 @@
+"""Forms that start work. They send what a program would send, and print it; the API checks and tells the cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+
+from service.dashboard.pages import LARGEST_ID, database_of
+from service.dashboard.rendering import PageRoute, page
+from service.dashboard.start_fields import (
+    FieldGroup,
+    charge_fields,
+    diagnosis_fields,
+    measurement_fields,
+    study_fields,
+)
+from service.db import read_diagnoses
+
+router = APIRouter(include_in_schema=False, route_class=PageRoute, prefix="/new")
+
+MOST_DATA_SETS = 100
+ChosenSet = Annotated[int | None, Query(ge=1, le=LARGEST_ID)]
+
+
+@dataclass(frozen=True)
+class Form:
+    """`path` takes the request, `estimate` says what it would cost; `call` is the Python client's method."""
+
+    key: str
+    title: str
+    intro: str
+    path: str
+    estimate: str | None
+    call: str
+    button: str
+
+
+FORMS = (
+    Form(
+        "study",
+        "New study",
+        "Finds the contact parameters with which a simulated pile has the repose angle of the real material.",
+        "/v1/studies",
+        "/v1/studies/estimate",
+        "create_study",
+        "Start the study",
+    ),
+    Form(
+        "charge",
+        "New charge",
+        "Charges the hopper by belt and deflector, and measures where the burden lies.",
+        "/v1/charges",
+        "/v1/charges/estimate",
+        "create_charges",
+        "Start the charges",
+    ),
+    Form(
+        "measurement",
+        "New measurement",
+        "Stores measured piles. Every bad cell is named; nothing is computed yet.",
+        "/v1/measurements",
+        None,
+        "create_data_set",
+        "Upload",
+    ),
+    Form(
+        "diagnosis",
+        "New diagnosis",
+        "Compares measured piles with simulated ones, and names the cause of a difference where the data allow.",
+        "/v1/diagnoses",
+        "/v1/diagnoses/estimate",
+        "create_diagnosis",
+        "Start the diagnosis",
+    ),
+)
+BY_KEY = {form.key: form for form in FORMS}
+
+
+@router.get("/study")
+def new_study() -> Response:
+    """Of a calibration."""
+    return _page("study", study_fields())
+
+
+@router.get("/charge")
+def new_charge() -> Response:
+    """Of charges of the hopper."""
+    return _page("charge", charge_fields())
+
+
+@router.get("/measurement")
+def new_measurement() -> Response:
+    """Of measured tables."""
+    return _page("measurement", measurement_fields())
+
+
+@router.get("/diagnosis")
+def new_diagnosis(request: Request, data_set: ChosenSet = None) -> Response:
+    """Of a diagnosis of a stored data set; `data_set`: the one to begin with."""
+    with database_of(request).reading() as session:
+        stored = read_diagnoses.list_data_sets(session, MOST_DATA_SETS, None)
+    return _page(
+        "diagnosis", diagnosis_fields([row for row in stored if row.facts.get("can_be_diagnosed")], data_set)
+    )
+
+
+def _page(key: str, groups: Sequence[FieldGroup]) -> Response:
+    return page("start.html", form=BY_KEY[key], forms=FORMS, groups=groups)
