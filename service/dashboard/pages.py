@@ -65,7 +65,7 @@ def draw_parts(names: tuple[str, ...], **context: Any) -> dict[str, str]:
 def list_page(part: str, title: str, start: str, before: int | None, context: dict[str, Any]) -> Response:
     """A list that keeps itself up to date: `part` its template and its address, `start` what it is of."""
     more = "" if before is None else f"?before={before}"
-    own = {"heading": part.capitalize(), "title": title, "part": part, "start": start}
+    own: dict[str, Any] = {"heading": part.capitalize(), "title": title, "part": part, "start": start}
     return page("list.html", **own, parts=f"/{part}/parts{more}", **context)
 
 
