@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,21 @@ from service.client.rest import Client
 from service.settings import get_settings
 
 FILES = {"export": "study.json", "designs.csv": "designs.csv", "designs.parquet": "designs.parquet"}
+
+
+def charge_report(client: Client, charge_id: int) -> bytes:
+    """The page that the worker wrote. Raises click.UsageError before there is one."""
+    for file in client.charge(charge_id)["artifacts"]:
+        if file["kind"] == "report":
+            return client.artifact(file["id"])
+    raise click.UsageError(f"charge {charge_id} has no report: it is written when the charge has ended well")
+
+
+REPORTS: Mapping[str, Callable[[Client, int], bytes]] = {
+    "study": lambda client, number: client.report_page("studies", number),
+    "charge": charge_report,
+    "diagnosis": lambda client, number: client.report_page("diagnoses", number),
+}
 
 
 @click.command("export")
@@ -33,6 +49,24 @@ def write_files(client: Client, study_id: int, out: Path) -> list[Path]:
     except OSError as error:
         raise click.BadParameter(f"{out} cannot be written: {error.strerror}", param_hint="--out") from error
     return list(contents)
+
+
+@click.command("report")
+@click.argument("kind", type=click.Choice(sorted(REPORTS)))
+@click.argument("number", type=int)
+@click.option(
+    "--out", type=click.Path(dir_okay=False, path_type=Path), help="a file [default: KIND-NUMBER.html]"
+)
+def report_command(kind: str, number: int, out: Path | None) -> None:
+    """Write a study, charge or diagnosis as one page that holds everything it shows (print it for a PDF)."""
+    out = out or Path(f"{kind}-{number}.html")
+    with Client(get_settings().base_url) as client:
+        content = REPORTS[kind](client, number)
+    try:
+        out.write_bytes(content)
+    except OSError as error:
+        raise click.BadParameter(f"{out} cannot be written: {error.strerror}", param_hint="--out") from error
+    click.echo(out)
 
 
 @click.command("import")
@@ -123,4 +157,4 @@ def _tell_design(design: dict[str, Any]) -> None:
     )
 
 
-COMMANDS = (export_command, import_command, pause, resume, cancel, extend, add, rerun)
+COMMANDS = (export_command, report_command, import_command, pause, resume, cancel, extend, add, rerun)

@@ -24,6 +24,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from service.client.charge import OVER as OVER_TASKS
+from service.client.commands import FILES
 from service.client.diagnose import VERDICTS, lines, read_tables
 from service.client.rest import Client
 from service.client.tables import short
@@ -31,8 +32,6 @@ from service.settings import get_settings
 
 POLL_SECONDS = 1.0
 OVER_STUDIES = ("completed", "cancelled", "failed")
-# What `save` writes of a study.
-STUDY_FILES = {"study.json": "export", "designs.csv": "designs.csv", "designs.parquet": "designs.parquet"}
 
 
 class NotOverError(Exception):
@@ -166,9 +165,9 @@ class Study(Task):
         """Write study.json, designs.csv and designs.parquet."""
         place = Path(folder)
         place.mkdir(parents=True, exist_ok=True)
-        for file, name in STUDY_FILES.items():
+        for name, file in FILES.items():
             (place / file).write_bytes(self.client.download(self.id, name))
-        return [place / file for file in STUDY_FILES]
+        return [place / file for file in FILES.values()]
 
     def cancel(self) -> Self:
         """Stop it; what was simulated stays."""

@@ -148,6 +148,11 @@ class Client:
                 return None
             raise
 
+    def report_page(self, kind: str, number: int) -> bytes:
+        """The report of `studies` or `diagnoses` as a page. Asks for the row first: that refusal is a sentence."""
+        self._call("GET", f"/v1/{kind}/{number}")
+        return self._send("GET", f"/{kind}/{number}/report", timeout=FILE_SECONDS).content
+
     def create_data_set(self, name: str, tables: dict[str, str], planned: bool = False) -> dict[str, Any]:
         body = {"name": name, "tables": tables, "planned": planned}
         answer = self._send("POST", "/v1/measurements", json=body, timeout=FILE_SECONDS)

@@ -52,6 +52,16 @@ def spec_to_record(spec: StudySpec) -> dict[str, Any]:
     }
 
 
+def request_of(record: Mapping[str, Any]) -> dict[str, Any]:
+    """The body of POST /v1/studies that asks for a stored study again, whatever release stored it."""
+    stored = upgraded(record)
+    model = stored.pop("model", None)
+    asked = {name: value for name, value in stored.items() if value not in (None, {}, [])}
+    if model:
+        asked |= {"model_version": model["name"], "moisture_percent": model["moisture_percent"]}
+    return asked
+
+
 def _response_record(response: Response) -> dict[str, Any]:
     return {
         "observable": response.observable,
