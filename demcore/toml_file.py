@@ -21,7 +21,8 @@ def read_toml(field: str, path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(field, str(path), f"a file that can be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
+        # TOMLDecodeError and UnicodeDecodeError are ValueErrors; a number of over 4,300 digits is one by itself.
         raise InputError(field, str(path), f"a TOML file ({error})") from None
 
 
@@ -37,6 +38,13 @@ def refuse_unknown(field: str, key: str, value: Any, known: Collection[str]) -> 
 
 def number(field: str, value: Any, otherwise: str = "") -> float:
     """A finite number. Raises InputError, telling what is allowed `otherwise` too."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
         raise InputError(field, value, "a number" + otherwise)
     return value
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond all floats
+        return False

@@ -39,6 +39,7 @@ UNREADABLE = (
     LookupError,
     TypeError,
     AttributeError,
+    NameError,  # trimesh's reader of PLY asks for a variable that a damaged header never set
     ArithmeticError,
     AssertionError,
     EOFError,
