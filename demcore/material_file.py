@@ -73,10 +73,13 @@ def _aims(name: str, row: dict[str, Any], target: float, window: list[float]) ->
     window = row.get("window_deg", window)
     if not isinstance(window, list) or len(window) != 2:
         raise InputError(f"{name}.window_deg", window, "two angles in degrees")
+    constraints = row.get("constraints", [])
+    if not isinstance(constraints, list):
+        raise InputError(f"{name}.constraints", constraints, "a list of sentences")
     return {
         "target_deg": number(f"{name}.target_deg", row.get("target_deg", target)),
         "window_deg": [number(f"{name}.window_deg", angle) for angle in window],
-        "constraints": [str(text) for text in row.get("constraints", ())],
+        "constraints": [str(text) for text in constraints],
     }
 
 
