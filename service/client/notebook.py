@@ -15,7 +15,7 @@ ServiceAwayError.
 from __future__ import annotations
 
 import time
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape
@@ -60,7 +60,7 @@ class Found:
         )
 
 
-class Task:
+class Task(ABC):
     """Something that the service works on."""
 
     path = ""
@@ -187,7 +187,7 @@ class Study(Task):
         return told
 
 
-class _WithFiles(Task):
+class _WithFiles(Task, ABC):
     """A charge or a diagnosis: it leaves files."""
 
     over = tuple(OVER_TASKS)
@@ -313,7 +313,7 @@ class Talus:
         """The study.json of another installation."""
         return Study(self.client, self.client.import_study(Path(file).read_bytes()))
 
-    def charges_of(self, charge: str, **fields: Any) -> list[Charge]:
+    def start_charges(self, charge: str, **fields: Any) -> list[Charge]:
         """Start charges (coke or iron), one for each of `seeds`; `fields` are those of POST /v1/charges."""
         answer = self.client.create_charges({"charge": charge, **fields})
         return [Charge(self.client, item) for item in answer["items"]]

@@ -104,7 +104,7 @@ def test_a_new_study_waits_for_a_worker_and_can_be_stopped(talus: Talus) -> None
 def test_a_charge_leaves_findings_and_files(
     talus: Talus, sqlite_database: Database, settings: Settings, tmp_path: Path
 ) -> None:
-    first, second = talus.charges_of("coke", scale=8.0, seeds=[1, 2])
+    first, second = talus.start_charges("coke", scale=8.0, seeds=[1, 2])
     assert first.findings is None
     assert second.cancel().state == "CANCELLED"
     finish_charge(sqlite_database, first.id, settings)
@@ -145,7 +145,7 @@ def test_the_examples_run(
 ) -> None:
     """On stored work, so that no simulation is waited for; what they print is checked."""
     talus.import_study(PELLET)
-    finish_charge(sqlite_database, talus.charges_of("coke", scale=8.0)[0].id, settings)
+    finish_charge(sqlite_database, talus.start_charges("coke", scale=8.0)[0].id, settings)
     finish_diagnosis(sqlite_database, talus.diagnose(folder).id)
     notebook = nbformat.read(ROOT / f"docs/notebooks/{name}.ipynb", as_version=4)
     assert all(not cell.get("outputs") for cell in notebook.cells), "kept without outputs"
