@@ -59,15 +59,16 @@ def parser() -> OneLineParser:
 def main(arguments: list[str] | None = None) -> int:
     chosen = parser().parse_args(arguments)
     options = Bench(chosen.seeds, chosen.first_seed, chosen.parallel, SyntheticRig(chosen.noise))
-    # Small matrices: a second thread of the linear algebra only waits, and costs as much again.
+    # Small matrices: a second thread of the linear algebra only waits, and costs as much again. The rows come as
+    # they are computed, so they are taken inside of the limit.
     with threadpool_limits(1):
         rows = bench(options, chosen.method)
-    if chosen.json:
-        print(json.dumps([row.as_dict() for row in rows], indent=1))
-        return 0
-    print(HEADER)
-    for row in rows:
-        print(as_line(row), flush=True)
+        if chosen.json:
+            print(json.dumps([row.as_dict() for row in rows], indent=1))
+            return 0
+        print(HEADER)
+        for row in rows:
+            print(as_line(row), flush=True)
     return 0
 
 

@@ -6,9 +6,11 @@ import json
 import math
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
+from worker.optimizer import bench as bench_module
 from worker.optimizer.__main__ import main
-from worker.optimizer.bench import Bench, Row, _quantile, bench
+from worker.optimizer.bench import Bench, Row, _quantile, bench, score
 from worker.optimizer.synthetic import CASES
 
 KEYS = {
@@ -33,6 +35,21 @@ def test_json_has_a_row_for_each_method_and_case(capsys: pytest.CaptureFixture[s
         assert set(row["recommended_within"]) == {"12", "16", "20", "26"}
         assert set(row["recommended_within"]["12"]) == {"0.3", "0.5"}
         assert row["certified_median"] is None
+
+
+def test_a_study_is_played_with_one_thread_of_linear_algebra(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small matrices: a second thread doubles the processor time. The rows come while they are computed, and the
+    limit must last until then."""
+    seen: set[int] = set()
+
+    def played(*arguments: object) -> object:
+        seen.update(library["num_threads"] for library in threadpool_info())
+        return score(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(bench_module, "score", played)
+    with threadpool_limits(2):
+        assert main(["bench", "--seeds", "1", "--method", "random"]) == 0
+    assert seen == {1}
 
 
 @pytest.mark.parametrize(
