@@ -89,12 +89,10 @@ def _stored(session: Session, idempotency_key: str | None, wanted: str) -> list[
 def _specs(session: Session, request: ChargeRequest, geometries: Path) -> list[ChargeSpec]:
     spec = replace(request.spec, meshes=_meshes(session, request))
     sets = resolve_sets(session, spec.charge, request.sources)
-    asked = [
-        replace(spec, seed=seed, parameters=found.parameters, parameters_from=found.source)
-        for found in sets
-        for seed in request.seeds
-    ]
-    return [use_model_in_charge(session, one, geometries) for one in asked]
+    asked = [replace(spec, parameters=found.parameters, parameters_from=found.source) for found in sets]
+    # The model is looked up and tried once for each set: no seed changes whether it fits.
+    fitting = [use_model_in_charge(session, one, geometries) for one in asked]
+    return [replace(one, seed=seed) for one in fitting for seed in request.seeds]
 
 
 def _meshes(session: Session, request: ChargeRequest) -> dict[str, PartMesh]:
