@@ -27,11 +27,17 @@ from service.db import migrate
 from service.db.models import ArtifactRow, Base, GeometryRow, JobRow
 from service.db.session import make_engine
 from service.domain.states import JobState
+from service.file_store import FileStore, artifact_store, geometry_store
 from service.settings import Settings
 
 MANIFEST, ROWS = "manifest.json", "talus.db"
 FORMAT = 1
 CHUNK_ROWS = 500
+# The first part of a member's name, and the rows that name such files.
+NAMED_BY: dict[str, type[ArtifactRow] | type[GeometryRow]] = {
+    "artifacts": ArtifactRow,
+    "geometries": GeometryRow,
+}
 # Who reports to be there now is nobody after a restore.
 LEFT_OUT = frozenset({"processes"})
 
@@ -66,15 +72,15 @@ def make_backup(settings: Settings, target: Path) -> Summary:
             "format": FORMAT,
             "talus": version("talus"),
             "rows": rows,
-            "files": {member: sha256 for member, (_, sha256) in files.items()},
+            "files": files,
             "missing": missing,
         }
         aside = folder / "backup.tar"
         with tarfile.open(aside, "w") as archive:
             _add_bytes(archive, MANIFEST, json.dumps(manifest, indent=1).encode())
             archive.add(folder / ROWS, ROWS)
-            for member, (path, _) in files.items():
-                archive.add(path, member, recursive=False)
+            for member in files:
+                _add_file(archive, member, settings)
         with aside.open("rb") as stream:
             os.fsync(stream.fileno())
             size = os.fstat(stream.fileno()).st_size
@@ -172,18 +178,23 @@ def _engine(url: str) -> Iterator[Engine]:
         engine.dispose()
 
 
-def _files(settings: Settings, rows: Path) -> tuple[dict[str, tuple[Path, str]], list[str]]:
-    """Members of the archive with their file and hash, and the names of those that are gone."""
-    found: dict[str, tuple[Path, str]] = {}
+def _stores(settings: Settings) -> dict[str, FileStore]:
+    return {"artifacts": artifact_store(settings), "geometries": geometry_store(settings)}
+
+
+def _files(settings: Settings, rows: Path) -> tuple[dict[str, str], list[str]]:
+    """Members of the archive with their hash, and the names of those that are gone."""
+    found: dict[str, str] = {}
     missing = list[str]()
     with _engine(f"sqlite:///{rows}") as engine, engine.connect() as connection:
-        for folder, row in ((settings.artifacts_dir, ArtifactRow), (settings.geometries_dir, GeometryRow)):
+        for kind, store in _stores(settings).items():
+            row = NAMED_BY[kind]
             for path, sha256 in connection.execute(select(row.path, row.sha256).distinct()):
-                member = f"{folder.name}/{path}"
-                if (folder / path).is_file():
-                    found[member] = (folder / path, sha256)
-                else:
+                member = f"{kind}/{path}"
+                if store.size(path) is None:
                     missing.append(member)
+                else:
+                    found[member] = sha256
     return dict(sorted(found.items())), sorted(missing)
 
 
@@ -206,12 +217,22 @@ def _unpack(source: Path, folder: Path) -> tuple[dict[str, Any], int]:
 
 
 def _move_files(settings: Settings, folder: Path, files: dict[str, str]) -> None:
-    places = {place.name: place for place in (settings.artifacts_dir, settings.geometries_dir)}
+    stores = _stores(settings)
     for member in files:
         kind, _, path = member.partition("/")
-        target = places[kind] / path
-        target.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(folder / member, target)
+        stores[kind].put(folder / member, path)
+
+
+def _add_file(archive: tarfile.TarFile, member: str, settings: Settings) -> None:
+    kind, _, path = member.partition("/")
+    store = _stores(settings)[kind]
+    info = tarfile.TarInfo(member)
+    size = store.size(path)
+    if size is None:
+        raise BackupError(f"{member} was removed while it was backed up: try again")
+    info.size = size
+    with store.open(path) as stream:
+        archive.addfile(info, stream)
 
 
 def _add_bytes(archive: tarfile.TarFile, name: str, content: bytes) -> None:

@@ -28,6 +28,7 @@ from service.client.maintenance import backup, restore, retention
 from service.client.rest import Client, RefusedError, ServiceAwayError
 from service.client.tables import noise_lines
 from service.code_version import demcore_hash
+from service.file_store import StoreAway, artifact_store
 from service.first_key import first_key_lines
 from service.settings import Settings, StartupError, describe_problems, get_settings
 
@@ -153,17 +154,21 @@ def migrate(no_key: bool) -> None:
 @click.option("--name", default="worker", show_default=True, help="its name in Celery's and the log's lines")
 @click.option("--broker", help="the service's broker [default: TALUS_BROKER_URL]")
 @click.option("--database", help="the service's database [default: TALUS_DATABASE_URL]")
+@click.option("--store", help="the service's object store, where it has one [default: TALUS_STORE_URL]")
 @click.option(
     "--data-dir",
     type=click.Path(file_okay=False, path_type=Path),
-    help="the folder that all machines share [default: TALUS_DATA_DIR]",
+    help="the folder that all machines share, or one of its own with --store [default: TALUS_DATA_DIR]",
 )
-def worker(name: str, broker: str | None, database: str | None, data_dir: Path | None) -> None:
+def worker(
+    name: str, broker: str | None, database: str | None, store: str | None, data_dir: Path | None
+) -> None:
     """Run one worker process here, on this machine or another than the service's."""
     from service.processes import environment, worker_process
 
-    given = {"broker_url": broker, "database_url": database, "data_dir": data_dir}
+    given = {"broker_url": broker, "database_url": database, "store_url": store, "data_dir": data_dir}
     settings = Settings(**{option: value for option, value in given.items() if value is not None})  # type: ignore[arg-type]
+    artifact_store(settings)  # a store without its package is told now, not by the first job
     spec = worker_process(name, settings)
     os.execve(spec.command[0], spec.command, environment(settings, spec))
 
@@ -252,7 +257,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(describe_problems(error), BAD_INPUT)
     except (StartupError, RefusedError) as error:
         return _fail(str(error), BAD_INPUT)
-    except ServiceAwayError as error:
+    except (ServiceAwayError, StoreAway) as error:
         return _fail(str(error), FAILED)
     except (click.Abort, KeyboardInterrupt):
         return _fail("interrupted", INTERRUPTED)

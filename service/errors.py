@@ -128,7 +128,7 @@ class Conflict(Problem):
 
 
 class Unavailable(Problem):
-    """The database cannot be reached; nothing was stored."""
+    """The database, or the store of files, cannot be reached; nothing was stored."""
 
     status = 503
     title = "Service unavailable"

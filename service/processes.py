@@ -98,6 +98,8 @@ def environment(settings: Settings, spec: ProcessSpec) -> dict[str, str]:
         "TALUS_BROKER_URL": settings.resolved_broker_url,
         "PYTHONUNBUFFERED": "1",
     }
+    if settings.store_url is not None:
+        shared["TALUS_STORE_URL"] = settings.store_url
     return {**compiled_kernels(settings), **os.environ, **shared, **spec.extra_environment}
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from sqlalchemy import func, select
@@ -19,12 +20,15 @@ from service.db import queries
 from service.db.models import ArtifactRow, ChargeRow, DesignRow, DiagnosisRow, JobRow, StudyRow
 from service.db.session import Database
 from service.domain.states import OPEN_JOBS
+from service.file_store import FileStore, FolderStore, ObjectStore, artifact_store, geometry_store
 from service.settings import Settings
 
 # The large ones: particles and time series. Pictures, reports and summaries stay unless they are named.
 LARGE_KINDS = ("vtkhdf", "result", "spheres", "walls")
 DAY_S = 86_400.0
 FRESH_S = 3_600.0
+CHECKPOINT = "checkpoint of a job that is over"
+COPY = "copy of a file in the store"
 
 
 @dataclass(frozen=True)
@@ -39,9 +43,10 @@ class Rule:
 class Removable:
     """A file or folder that may go, and why."""
 
-    path: Path
+    place: str
     size_bytes: int
     reason: str
+    remove: Callable[[], None]
 
 
 def find_removable(database: Database, settings: Settings, rule: Rule) -> list[Removable]:
@@ -51,28 +56,28 @@ def find_removable(database: Database, settings: Settings, rule: Rule) -> list[R
         open_jobs = set(session.scalars(select(JobRow.id).where(JobRow.state.in_(OPEN_JOBS))))
     newest = time.time() - FRESH_S
     found = list[Removable]()
-    store = settings.artifacts_dir
-    for path in sorted(_files_of(store)):
-        name = path.relative_to(store).as_posix()
-        if name in kept or path.stat().st_mtime > newest:
+    store = artifact_store(settings)
+    for file in store.files():
+        if file.name in kept or file.modified > newest:
             continue
-        reason = f"ended over {rule.older_than_days:g} days ago" if name in expired else "no row names it"
-        found.append(Removable(path, path.stat().st_size, reason))
+        reason = (
+            f"ended over {rule.older_than_days:g} days ago" if file.name in expired else "no row names it"
+        )
+        found.append(
+            Removable(store.place(file.name), file.size_bytes, reason, partial(store.remove, file.name))
+        )
+    found += _copies(store, newest) + _copies(geometry_store(settings), newest)
     checkpoints = settings.data_dir / "checkpoints"
     for path in sorted(checkpoints.iterdir()) if checkpoints.is_dir() else ():
         if path.name[:36] not in open_jobs and path.stat().st_mtime <= newest:
-            size = sum(file.stat().st_size for file in ([path] if path.is_file() else _files_of(path)))
-            found.append(Removable(path, size, "checkpoint of a job that is over"))
+            found.append(Removable(str(path), _size(path), CHECKPOINT, partial(_remove_path, path)))
     return found
 
 
 def remove(found: list[Removable]) -> int:
     """The number of bytes that went."""
     for item in found:
-        if item.path.is_dir():
-            shutil.rmtree(item.path)
-        else:
-            item.path.unlink(missing_ok=True)
+        item.remove()
     return sum(item.size_bytes for item in found)
 
 
@@ -94,5 +99,24 @@ def _stored_paths(session: Session, rule: Rule) -> tuple[set[str], set[str]]:
     return kept, expired - kept
 
 
-def _files_of(folder: Path) -> Iterator[Path]:
-    return (path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else iter(())
+def _copies(store: FileStore, newest: float) -> list[Removable]:
+    """What this machine keeps of an object store; it is fetched again when it is asked for."""
+    if not isinstance(store, ObjectStore):
+        return []
+    copies = FolderStore(store.copies)
+    return [
+        Removable(copies.place(file.name), file.size_bytes, COPY, partial(copies.remove, file.name))
+        for file in copies.files()
+        if file.modified <= newest
+    ]
+
+
+def _size(path: Path) -> int:
+    return sum(file.stat().st_size for file in (path, *path.rglob("*")) if file.is_file())
+
+
+def _remove_path(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -40,6 +40,13 @@ class Settings(BaseSettings):
     )
     database_url: Annotated[str | None, Field(description="default: SQLite in data_dir")] = None
     broker_url: Annotated[str | None, Field(description="default: the embedded Valkey in data_dir")] = None
+    store_url: Annotated[
+        str | None,
+        Field(
+            pattern=r"^[a-z0-9+.-]+://.+$",
+            description="an object store for artifacts and geometries (s3://bucket/folder); default: data_dir",
+        ),
+    ] = None
     host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
     port: Annotated[int, Field(ge=1, le=65535)] = 8642
     lease_seconds: Annotated[float, Field(ge=1.0, le=600.0)] = 10.0

@@ -17,6 +17,7 @@ import httpx
 
 from service import broker
 from service.child_process import Child, Say, end_all, last_line
+from service.file_store import artifact_store
 from service.first_key import first_key_lines
 from service.installation_lock import check_port, only_one
 from service.processes import ProcessSpec, broker_process, environment, long_running, migrate_command
@@ -47,6 +48,7 @@ class Supervisor:
             signal.signal(number, self._on_signal)
         with only_one(self._settings):
             check_port(self._settings)
+            artifact_store(self._settings)  # a store without its package is told now, not by the first job
             self._settings.logs_dir.mkdir(exist_ok=True)
             try:
                 self._start()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import tempfile
-from pathlib import Path
+import shutil
 
 from demcore.experiments.charge_drawing import draw_all
 from demcore.experiments.charge_file import write_charge
@@ -14,6 +13,7 @@ from demcore.experiments.plant_drawing import draw_plant
 from demcore.recorder import SeriesRecorder
 from service.domain.charge import charge_test
 from service.domain.outcome import ChargeMeasurement, StoredArtifact
+from service.file_store import artifact_store, geometry_store
 from service.settings import Settings
 from service.studies.claim_job import ChargeClaim
 from worker.charge_report import Source, write_report
@@ -41,7 +41,7 @@ def evaluate_charge(claim: ChargeClaim, report: Report, settings: Settings) -> C
     A run that was lost goes on from its last checkpoint, with the same bits, and its series with it. Raises
     demcore.errors.SimulationError (Cancelled after a False).
     """
-    test = charge_test(claim.spec, settings.geometries_dir, claim.time_step_factor)
+    test = charge_test(claim.spec, geometry_store(settings).local, claim.time_step_factor)
     checkpoint = checkpoint_path(claim.lease.job_id, settings)
     checkpoint.parent.mkdir(parents=True, exist_ok=True)
     recorder = None
@@ -72,12 +72,10 @@ def _store_files(
     result: ChargeResult, source: Source, job_id: str, settings: Settings
 ) -> tuple[StoredArtifact, ...]:
     """Write everything that the charge leaves, and put it into the store by its content."""
-    store = settings.artifacts_dir
-    store.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".incoming-", dir=store) as name:
-        folder = Path(name)
+    store = artifact_store(settings)
+    with store.incoming() as folder:
         for file in series_folder(job_id, settings).glob("*.vtkhdf"):
-            file.rename(folder / file.name)
+            shutil.move(file, folder / file.name)  # another disk, where the store is not a folder
         write_charge(result, folder / "charge.vtkhdf")
         draw_plant(result.test.plant, folder / "plant.png")
         draw_all(result, folder)

@@ -6,10 +6,8 @@ stopped or cancelled goes on from them, to the same bits, and another one of the
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +19,7 @@ from service.db.session import Database
 from service.domain.data_set.records import Condition, DataSet
 from service.domain.diagnosis import DiagnosisOutcome, DiagnosisSpec, Extension, expected_cost
 from service.domain.outcome import StoredArtifact
+from service.file_store import artifact_store
 from service.settings import Settings
 from service.studies.claim_job import DiagnosisClaim
 from service.studies.open_held_out import open_held_out
@@ -168,11 +167,11 @@ def _failed(test: SelfTestOutcome) -> str:
 
 def _card(found: Diagnosis, result: Result, settings: Settings) -> tuple[StoredArtifact, ...]:
     """The picture that an engineer reads, in the store."""
-    settings.artifacts_dir.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".incoming-", dir=settings.artifacts_dir) as folder:
-        picture = Path(folder) / "card.png"
+    store = artifact_store(settings)
+    with store.incoming() as folder:
+        picture = folder / "card.png"
         draw_card(found, result, picture)
-        return (store_file(picture, "card", "image/png", settings.artifacts_dir),)
+        return (store_file(picture, "card", "image/png", store),)
 
 
 def _gained(

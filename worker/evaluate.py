@@ -6,7 +6,6 @@ import hashlib
 import math
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -25,6 +24,7 @@ from demcore.run import Progress
 from service.domain.outcome import PileMeasurement, StoredArtifact
 from service.domain.search_space import default_values
 from service.domain.study import StudySpec
+from service.file_store import FileStore, artifact_store
 from service.settings import Settings
 from service.studies.claim_job import Claim
 
@@ -51,7 +51,7 @@ def evaluate(claim: Claim, report: Report, settings: Settings) -> PileMeasuremen
         angle_sd_deg=finite(result.angle_sd_deg),
         literal_angle_deg=finite(result.literal_angle_deg),
         results=plain(result.summary()),
-        artifacts=store_files(result, settings.artifacts_dir),
+        artifacts=store_files(result, artifact_store(settings)),
     )
 
 
@@ -142,37 +142,23 @@ def finite(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
-def store_files(result: PileResult, artifacts_dir: Path) -> tuple[StoredArtifact, ...]:
+def store_files(result: PileResult, store: FileStore) -> tuple[StoredArtifact, ...]:
     """Write the result file and the picture, and put them into the store by their content."""
-    artifacts_dir.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".incoming-", dir=artifacts_dir) as folder:
-        data, picture = Path(folder) / "result.vtkhdf", Path(folder) / "pile.png"
+    with store.incoming() as folder:
+        data, picture = folder / "result.vtkhdf", folder / "pile.png"
         result.write(data)
         draw_pile(result.positions, result.radii, result.test.rig.base_radius, picture)
         return (
-            store_file(data, "vtkhdf", "application/x-hdf5", artifacts_dir),
-            store_file(picture, "picture", "image/png", artifacts_dir),
+            store_file(data, "vtkhdf", "application/x-hdf5", store),
+            store_file(picture, "picture", "image/png", store),
         )
 
 
-def store_file(file: Path, kind: str, media_type: str, artifacts_dir: Path) -> StoredArtifact:
-    """Move `file` to <sha256[:2]>/<sha256> below the store: all of it is there afterwards, or nothing."""
+def store_file(file: Path, kind: str, media_type: str, store: FileStore) -> StoredArtifact:
+    """Move `file` to <sha256[:2]>/<sha256> of the store: all of it is there afterwards, or nothing."""
     with file.open("rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
         size = os.fstat(stream.fileno()).st_size
-        os.fsync(stream.fileno())
-    relative = Path(sha256[:2]) / sha256
-    target = artifacts_dir / relative
-    target.parent.mkdir(exist_ok=True)
-    os.replace(file, target)
-    _sync_folder(target.parent)
-    return StoredArtifact(kind, file.name, media_type, sha256, size, relative.as_posix())
-
-
-def _sync_folder(folder: Path) -> None:
-    # A rename survives a power cut only when its folder is written too.
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    name = f"{sha256[:2]}/{sha256}"
+    store.put(file, name)
+    return StoredArtifact(kind, file.name, media_type, sha256, size, name)

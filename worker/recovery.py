@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from demcore.errors import SimulationError
 from service.db.session import Database
 from service.domain.outcome import Failure, FailureClass
+from service.file_store import StoreAway
 from service.studies.give_back_job import Return
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
@@ -32,6 +33,8 @@ def classify(error: Exception) -> Failure:
     text = str(error) or type(error).__name__
     if is_disk_full(error):
         return Failure(FailureClass.DISK_FULL, f"no room on the worker's disk: {text}")
+    if isinstance(error, StoreAway):
+        return Failure(FailureClass.STORE_AWAY, text)
     if isinstance(error, MemoryError):
         return Failure(FailureClass.OUT_OF_MEMORY, text)
     if isinstance(error, SimulationError):
@@ -52,10 +55,10 @@ def is_disk_full(error: BaseException | None) -> bool:
 def retry_of(failure: Failure, time_step_factor: float, attempts_left: int, pause_s: float) -> Return | None:
     """The repetition that the rules allow, None when the failure is the answer.
 
-    Out of memory: again, at most twice, like a lost worker. Blow-up: once, with half the time step. Disk full:
-    from the last checkpoint, every `pause_s` seconds, until there is room.
+    Out of memory: again, at most twice, like a lost worker. Blow-up: once, with half the time step. Disk full,
+    or no way to the object store: from the last checkpoint, every `pause_s` seconds, until it is possible.
     """
-    if failure.failure_class is FailureClass.DISK_FULL:
+    if failure.failure_class in (FailureClass.DISK_FULL, FailureClass.STORE_AWAY):
         return Return(failure.failure_class.value, failure.text, pause_s=pause_s)
     if failure.failure_class is FailureClass.OUT_OF_MEMORY and attempts_left > 0:
         return Return(failure.failure_class.value, failure.text, counts=True)

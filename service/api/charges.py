@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from service.api.charge_body import ChargeBody
 from service.api.charge_views import ChargeAnswer, ChargeList, ChargesAnswer, ChargeSummary
-from service.api.dependencies import LARGEST_ID, DatabaseDep, IdCursor, Limit, RowId, SettingsDep
+from service.api.dependencies import LARGEST_ID, DatabaseDep, GeometriesDep, IdCursor, Limit, RowId
 from service.api.problems import problem_responses
 from service.api.studies import IdempotencyKey
 from service.api.views import ArtifactList
@@ -30,7 +30,7 @@ def post_charges(
     body: ChargeBody,
     response: Response,
     database: DatabaseDep,
-    settings: SettingsDep,
+    geometries: GeometriesDep,
     idempotency_key: IdempotencyKey = None,
 ) -> ChargesAnswer:
     """Ask for a charge of each seed and parameter set. Plant, masses and meshes are checked whole before anything
@@ -38,7 +38,7 @@ def post_charges(
     request = body.to_request()
     with database.writing() as session:
         try:
-            rows, _ = create_charges(session, request, settings.geometries_dir, idempotency_key)
+            rows, _ = create_charges(session, request, geometries.local, idempotency_key)
         except KeyReused as error:
             refusal = FieldError("Idempotency-Key", idempotency_key, f"a new key: this one {error}")
             raise InvalidRequest.of(refusal) from error

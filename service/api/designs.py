@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import FileResponse
 
-from service.api.dependencies import DatabaseDep, RowId, SettingsDep
+from service.api.dependencies import ArtifactsDep, DatabaseDep, RowId
 from service.api.problems import problem_responses
 from service.api.views import ArtifactList, DesignAnswer
 from service.db import read_models
@@ -51,13 +51,13 @@ def list_artifacts(design_id: RowId, database: DatabaseDep) -> ArtifactList:
         **problem_responses(404, 422),
     },
 )
-def get_artifact(artifact_id: RowId, database: DatabaseDep, settings: SettingsDep) -> FileResponse:
+def get_artifact(artifact_id: RowId, database: DatabaseDep, artifacts: ArtifactsDep) -> FileResponse:
     """One file. Its path comes from the database, never from the client; the name is content-addressed."""
     with database.reading() as session:
         row = session.get(ArtifactRow, artifact_id)
     if row is None:
         raise NotFound(f"There is no artifact {artifact_id}.")
-    path = settings.artifacts_dir / row.path
+    path = artifacts.local(row.path)
     if not path.is_file():
         raise NotFound(f"The file of artifact {artifact_id} is no longer stored.")
     inline = row.media_type.startswith("image/") or row.media_type == "text/html"

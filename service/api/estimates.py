@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
 from service.api.charge_body import ChargeBody
-from service.api.dependencies import DatabaseDep, SettingsDep
+from service.api.dependencies import DatabaseDep, GeometriesDep
 from service.api.diagnosis_views import DiagnosisBody
 from service.api.problems import problem_responses
 from service.api.study_body import StudyBody
@@ -54,11 +54,13 @@ def post_study_estimate(body: StudyBody, database: DatabaseDep) -> EstimateAnswe
 
 
 @router.post("/charges/estimate", operation_id="estimateCharges", responses=problem_responses(422))
-def post_charge_estimate(body: ChargeBody, database: DatabaseDep, settings: SettingsDep) -> EstimateAnswer:
+def post_charge_estimate(
+    body: ChargeBody, database: DatabaseDep, geometries: GeometriesDep
+) -> EstimateAnswer:
     """What these charges would take; refused as they themselves would be."""
     request = body.to_request()
     with _trial(database) as session:
-        costs = [row.cost for row in create_charges(session, request, settings.geometries_dir)[0]]
+        costs = [row.cost for row in create_charges(session, request, geometries.local)[0]]
     text = costs[0]["text"] if len(costs) == 1 else f"{len(costs)} charges, each: {costs[0]['text']}"
     return EstimateAnswer(runs=len(costs), seconds=sum(cost["seconds"] for cost in costs), text=text)
 

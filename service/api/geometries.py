@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 from fastapi import APIRouter, Body, Query
 from pydantic import BaseModel, Field
 
-from service.api.dependencies import DatabaseDep, RowId, SettingsDep
+from service.api.dependencies import DatabaseDep, GeometriesDep, RowId
 from service.api.problems import problem_responses
 from service.db.models import GeometryRow
 from service.errors import NotFound
@@ -39,11 +39,11 @@ def post_geometry(
     content: Annotated[bytes, Body(media_type="application/octet-stream")],
     file_name: FileName,
     database: DatabaseDep,
-    settings: SettingsDep,
+    geometries: GeometriesDep,
 ) -> GeometryAnswer:
     """Upload a mesh, the file's bytes as the body. Its unit is said where it is used."""
     with database.writing() as session:
-        return GeometryAnswer.of(store_geometry(session, settings.geometries_dir, file_name, content))
+        return GeometryAnswer.of(store_geometry(session, geometries, file_name, content))
 
 
 @router.get("/{geometry_id}", operation_id="getGeometry", responses=problem_responses(404, 422))

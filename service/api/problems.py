@@ -26,6 +26,7 @@ from service.errors import (
     Unauthorized,
     Unavailable,
 )
+from service.file_store import StoreAway
 
 # What pydantic calls an error -> what is allowed instead. Ranges are the domain's, not pydantic's.
 ALLOWED = {
@@ -83,6 +84,7 @@ def install_handlers(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, _http_error)
     for kind in (OperationalError, InterfaceError, PoolTimeout):
         app.add_exception_handler(kind, _database_away)
+    app.add_exception_handler(StoreAway, _store_away)
     app.add_exception_handler(DBAPIError, _database_error)
     app.add_exception_handler(Exception, _internal_error)
 
@@ -158,6 +160,10 @@ def database_away() -> Response:
 
 def _database_away(_request: Request, _error: Exception) -> Response:
     return database_away()
+
+
+def _store_away(_request: Request, _error: Exception) -> Response:
+    return problem_response(Unavailable("The store of files cannot be reached; nothing was stored."))
 
 
 def _database_error(request: Request, error: Exception) -> Response:

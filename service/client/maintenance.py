@@ -54,7 +54,7 @@ def retention(older_than: float, kinds: tuple[str, ...], delete: bool) -> None:
     found = find_removable(database, settings, Rule(older_than, kinds or LARGE_KINDS))
     database.dispose()
     for item in found:
-        click.echo(f"{item.size_bytes:12,d}  {item.reason:30}  {item.path}")
+        click.echo(f"{item.size_bytes:12,d}  {item.reason:30}  {item.place}")
     size = remove(found) if delete else sum(item.size_bytes for item in found)
     verb = "removed" if delete else "would go (nothing was removed; --delete removes them)"
     click.echo(f"{len(found)} files, {size / 1e6:.1f} MB {verb}")

@@ -15,6 +15,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from service.dashboard import assets, formats, words
 from service.errors import NotFound, Unavailable
+from service.file_store import StoreAway
 
 # plotly's picture of a chart (its PNG button) goes through data: and blob: addresses.
 POLICY = "; ".join(
@@ -81,6 +82,12 @@ def problem_page(title: str, detail: str, status: int, headers: Mapping[str, str
     return page("problem.html", status, headers, title=title, detail=detail)
 
 
+def _away(what: str, sentence: str) -> Response:
+    wait = {"Retry-After": str(Unavailable.retry_after_s)}
+    detail = f"{sentence}. Jobs that run go on; this page comes back with it."
+    return problem_page(f"{what} away", detail, Unavailable.status, wait)
+
+
 class PageRoute(APIRoute):
     """A route whose errors are pages for a person, not JSON for a program."""
 
@@ -93,8 +100,8 @@ class PageRoute(APIRoute):
             except NotFound as error:
                 return problem_page("Not found", error.detail, error.status)
             except (OperationalError, InterfaceError, PoolTimeout):
-                wait = {"Retry-After": str(Unavailable.retry_after_s)}
-                detail = "The database does not answer. Jobs that run go on; this page comes back with it."
-                return problem_page("Database away", detail, Unavailable.status, wait)
+                return _away("Database", "The database does not answer")
+            except StoreAway:
+                return _away("Files", "The store of files does not answer")
 
         return answer_or_explain

@@ -12,7 +12,6 @@ import json
 from functools import lru_cache
 from importlib.metadata import version
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
@@ -27,6 +26,7 @@ from service.dashboard.study_page import count_verdicts, read_study_page
 from service.db.models import ArtifactRow
 from service.domain.spec_record import primary_response, request_of
 from service.errors import NotFound
+from service.file_store import artifact_store
 from service.settings import Settings
 
 router = APIRouter(include_in_schema=False, route_class=PageRoute)
@@ -102,7 +102,7 @@ def _embedded(request: Request, artifact: ArtifactRow | None) -> str | None:
         return None
     settings = request.app.state.settings
     assert isinstance(settings, Settings)
-    path = Path(settings.artifacts_dir) / artifact.path
+    path = artifact_store(settings).local(artifact.path)
     if not path.is_file():
         return None
     return f"data:{artifact.media_type};base64,{base64.b64encode(path.read_bytes()).decode()}"

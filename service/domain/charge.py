@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -26,6 +26,8 @@ from service.domain.model_use import ModelUse
 # One set of numbers for all contacts of a mix, as the paper has it.
 ALL = "all"
 TOLD = "the request"
+# Gives the file of an uploaded mesh, by the path that its row has.
+MeshFile = Callable[[str], Path]
 # Charges that one request may ask for: seeds times sets of contact numbers.
 MOST_RUNS = 50
 SHORTEST_FRAME, LONGEST_FRAME = 0.05, 1000.0
@@ -99,12 +101,12 @@ class ChargeSpec:
         return cls(**{**record, "meshes": meshes, "model": model})
 
 
-def charge_test(spec: ChargeSpec, store: Path, time_step_factor: float = 1.0) -> ChargeTest:
-    """The virtual charge; uploaded meshes lie below `store`. Raises InvalidValue with demcore's own sentence."""
+def charge_test(spec: ChargeSpec, mesh_file: MeshFile, time_step_factor: float = 1.0) -> ChargeTest:
+    """The virtual charge; `mesh_file` gives uploaded meshes. Raises InvalidValue with demcore's own sentence."""
     try:
         plant = change_plant(spec.plant, TOLD)
         for part, mesh in spec.meshes.items():
-            plant = replace_part(plant, part, store / mesh.path, mesh.units, mesh.up, mesh.file_name)
+            plant = replace_part(plant, part, mesh_file(mesh.path), mesh.units, mesh.up, mesh.file_name)
         ideal = ChargeTest(
             load_charge(spec.charge, contact_parameters(spec.parameters)),
             plant,

@@ -13,11 +13,12 @@ from service.domain.study import Response
 
 
 class FailureClass(StrEnum):
-    """Why an attempt gave no result. The first four may be repeated, the others are the design's answer."""
+    """Why an attempt gave no result. The first five may be repeated, the others are the design's answer."""
 
     LOST = "lost"
     OUT_OF_MEMORY = "out_of_memory"
     DISK_FULL = "disk_full"
+    STORE_AWAY = "store_away"
     BLOW_UP = "blow_up"
     NEVER_SETTLES = "never_settles"
     NO_RESULT = "no_result"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import uuid
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from sqlalchemy import select
@@ -13,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from demcore.experiments.charge_cost import charge_cost
 from service.db.models import ChargeRow, GeometryRow, JobRow
-from service.domain.charge import ChargeRequest, ChargeSpec, PartMesh, charge_test, request_hash
+from service.domain.charge import ChargeRequest, ChargeSpec, MeshFile, PartMesh, charge_test, request_hash
 from service.domain.errors import InvalidValue
 from service.domain.states import JobKind
 from service.studies.advance_study import ATTEMPTS
@@ -24,20 +23,20 @@ from service.studies.use_model import use_model_in_charge
 
 
 def create_charges(
-    session: Session, request: ChargeRequest, geometries: Path, idempotency_key: str | None = None
+    session: Session, request: ChargeRequest, mesh_file: MeshFile, idempotency_key: str | None = None
 ) -> tuple[list[ChargeRow], bool]:
-    """The rows, and whether they are new: the same key and request give the stored ones again. `geometries` is the
-    folder of uploaded meshes.
+    """The rows, and whether they are new: the same key and request give the stored ones again. `mesh_file`
+    gives uploaded meshes.
 
     Raises InvalidValue for a plant that cannot be charged, a mass that does not fit, numbers that the contact
     model does not take, a study, a geometry or a model version that is not there or does not fit; KeyReused.
     """
-    specs = _specs(session, request, geometries)
+    specs = _specs(session, request, mesh_file)
     wanted = request_hash(specs)
     stored = _stored(session, idempotency_key, wanted)
     if stored:
         return stored, False
-    costs = [_cost(session, spec, geometries) for spec in specs]
+    costs = [_cost(session, spec, mesh_file) for spec in specs]
     rows = [
         ChargeRow(
             series=0,
@@ -86,12 +85,12 @@ def _stored(session: Session, idempotency_key: str | None, wanted: str) -> list[
     return list(session.scalars(series))
 
 
-def _specs(session: Session, request: ChargeRequest, geometries: Path) -> list[ChargeSpec]:
+def _specs(session: Session, request: ChargeRequest, mesh_file: MeshFile) -> list[ChargeSpec]:
     spec = replace(request.spec, meshes=_meshes(session, request))
     sets = resolve_sets(session, spec.charge, request.sources)
     asked = [replace(spec, parameters=found.parameters, parameters_from=found.source) for found in sets]
     # The model is looked up and tried once for each set: no seed changes whether it fits.
-    fitting = [use_model_in_charge(session, one, geometries) for one in asked]
+    fitting = [use_model_in_charge(session, one, mesh_file) for one in asked]
     return [replace(one, seed=seed) for one in fitting for seed in request.seeds]
 
 
@@ -105,9 +104,9 @@ def _meshes(session: Session, request: ChargeRequest) -> dict[str, PartMesh]:
     return meshes
 
 
-def _cost(session: Session, spec: ChargeSpec, geometries: Path) -> dict[str, Any]:
+def _cost(session: Session, spec: ChargeSpec, mesh_file: MeshFile) -> dict[str, Any]:
     """What it will take, and the proof that it can be run: the very test of the worker is made here."""
-    cost = charge_cost(charge_test(spec, geometries), expected_rate(session, spec))
+    cost = charge_cost(charge_test(spec, mesh_file), expected_rate(session, spec))
     return {
         "particles": cost.particles,
         "steps": cost.steps,

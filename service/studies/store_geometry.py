@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +14,12 @@ from demcore.errors import InputError
 from demcore.geometry.mesh_file import FORMATS, load_mesh
 from service.db.models import GeometryRow
 from service.domain.errors import InvalidValue
+from service.file_store import FileStore
 
 LONGEST_NAME = 100
 
 
-def store_geometry(session: Session, folder: Path, file_name: str, content: bytes) -> GeometryRow:
+def store_geometry(session: Session, store: FileStore, file_name: str, content: bytes) -> GeometryRow:
     """The row; `extent` is the size of the mesh in the file's own unit, which the file does not say.
 
     Raises InvalidValue for another format, a file that cannot be read whole, and a mesh that demcore refuses.
@@ -34,26 +34,23 @@ def store_geometry(session: Session, folder: Path, file_name: str, content: byte
     found = session.scalars(select(GeometryRow).where(GeometryRow.sha256 == sha256)).one_or_none()
     if found is not None:
         return found
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{sha256}{suffix}"
-    aside = folder / f".incoming-{os.getpid()}-{sha256}{suffix}"
-    aside.write_bytes(content)
-    try:
-        mesh, report = load_mesh(aside, "m")
-        extent = _extent(mesh.vertices)
-    except InputError as error:
-        raise InvalidValue("geometry", name, error.allowed) from error
-    else:
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    path = f"{sha256}{suffix}"
+    with store.incoming() as folder:
+        aside = folder / path
+        aside.write_bytes(content)
+        try:
+            mesh, report = load_mesh(aside, "m")
+            extent = _extent(mesh.vertices)
+        except InputError as error:
+            raise InvalidValue("geometry", name, error.allowed) from error
+        store.put(aside, path)
     row = GeometryRow(
         file_name=name,
         sha256=sha256,
         size_bytes=len(content),
         triangles=report.triangles,
         extent={"x": extent[0], "y": extent[1], "z": extent[2], "watertight": report.watertight},
-        path=path.name,
+        path=path,
     )
     session.add(row)
     session.flush()

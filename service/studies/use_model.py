@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.db.models import DataSetRow, DiagnosisRow, ModelVersionRow
-from service.domain.charge import ChargeSpec, charge_test
+from service.domain.charge import ChargeSpec, MeshFile, charge_test
 from service.domain.data_set.stored import from_record
 from service.domain.errors import InvalidValue
 from service.domain.measured_pile import pile_scale
@@ -30,12 +29,12 @@ def use_model(session: Session, spec: StudySpec) -> StudySpec:
     return replace(spec, model=fitted(spec.model, found, spec.material, spec.scale, spec.fill_level))
 
 
-def use_model_in_charge(session: Session, spec: ChargeSpec, geometries: Path) -> ChargeSpec:
-    """The same for a charge; `geometries` is the folder of uploaded meshes."""
+def use_model_in_charge(session: Session, spec: ChargeSpec, mesh_file: MeshFile) -> ChargeSpec:
+    """The same for a charge; `mesh_file` gives uploaded meshes."""
     if spec.model is None:
         return spec
     found = _find(session, spec.model.name)
-    plain = charge_test(replace(spec, model=None), geometries)
+    plain = charge_test(replace(spec, model=None), mesh_file)
     return replace(spec, model=fitted_charge(spec.model, found, plain))
 
 

@@ -117,7 +117,7 @@ def a_request(**changes: Any) -> ChargeRequest:
 def charges(database: Database, **changes: Any) -> list[int]:
     """The ids of new charges, with their jobs queued."""
     with database.writing() as session:
-        return [row.id for row in create_charges(session, a_request(**changes), NOWHERE)[0]]
+        return [row.id for row in create_charges(session, a_request(**changes), NOWHERE.joinpath)[0]]
 
 
 def charge(database: Database, charge_id: int) -> ChargeRow:

@@ -14,6 +14,7 @@ from service.db.migrate import upgrade
 from service.db.models import ArtifactRow, Base, DesignRow, StudyRow
 from service.db.session import Database
 from service.domain.states import JobState
+from service.file_store import artifact_store
 from service.settings import Settings
 from service.studies.keep_files import keep_files
 from tests.builders.charges import charges
@@ -50,10 +51,11 @@ def fill(database: Database, settings: Settings) -> Path:
     study_id = a_finished_study(database)
     charges(database)
     a_data_set(database)
-    settings.artifacts_dir.mkdir(parents=True)
-    incoming = settings.artifacts_dir / ".incoming.png"
-    incoming.write_bytes(b"a picture")
-    stored = store_file(incoming, "picture", "image/png", settings.artifacts_dir)
+    store = artifact_store(settings)
+    with store.incoming() as folder:
+        incoming = folder / "pile.png"
+        incoming.write_bytes(b"a picture")
+        stored = store_file(incoming, "picture", "image/png", store)
     with database.writing() as session:
         design = session.scalars(select(DesignRow).where(DesignRow.study_id == study_id)).first()
         assert design is not None

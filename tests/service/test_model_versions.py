@@ -178,10 +178,9 @@ def test_a_charge_is_simulated_with_a_version(client: TestClient, database: Data
     assert record["model"] == {"name": version, "moisture_percent": 2.0, "effects": acting}
     spec = ChargeSpec.from_record(record)
     assert spec.as_record() == record
-    plain = charge_test(replace(spec, model=None), tmp_path)
-    assert (
-        charge_test(spec, tmp_path) == charge_effects.with_effects(plain, record["model"]["effects"]) != plain
-    )
+    plain = charge_test(replace(spec, model=None), tmp_path.joinpath)
+    acted = charge_effects.with_effects(plain, record["model"]["effects"])
+    assert charge_test(spec, tmp_path.joinpath) == acted != plain
     assert version in client.get("/charges/1").text
     assert f"--model-version {version} --moisture-percent 2" in command_of(spec)
 

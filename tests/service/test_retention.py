@@ -49,7 +49,7 @@ def end_days_ago(database: Database, study_id: int, days: float) -> None:
 
 
 def names(database: Database, settings: Settings, days: float = 90.0) -> list[str]:
-    return [item.path.name for item in find_removable(database, settings, Rule(days))]
+    return [Path(item.place).name for item in find_removable(database, settings, Rule(days))]
 
 
 def test_large_files_of_what_ended_long_ago_go_and_rows_stay(
@@ -63,7 +63,7 @@ def test_large_files_of_what_ended_long_ago_go_and_rows_stay(
     assert names(sqlite_database, settings) == []
     end_days_ago(sqlite_database, study_id, 91.0)
     found = find_removable(sqlite_database, settings, Rule(90.0))
-    assert [item.path for item in found] == [large]
+    assert [item.place for item in found] == [str(large)]
     assert large.exists(), "looking removes nothing"
     assert remove(found) == 5
     assert small.exists()

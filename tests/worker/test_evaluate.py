@@ -17,6 +17,7 @@ from demcore.run import Progress
 from service.db.queries import Lease
 from service.domain.search_space import SearchSpace, Variable
 from service.domain.states import JobKind
+from service.file_store import FolderStore
 from service.settings import Settings
 from service.studies.claim_job import Claim
 from tests.builders.studies import a_spec
@@ -128,12 +129,11 @@ def test_a_result_is_plain_json_and_its_files_lie_in_the_store(
 
 
 def test_storing_the_same_file_twice_is_one_file(tmp_path: Path) -> None:
-    store = tmp_path / "store"
-    store.mkdir()
+    store = FolderStore(tmp_path / "store")
     stored = []
     for _ in range(2):
         file = tmp_path / "pile.png"
         file.write_bytes(b"same")
         stored.append(evaluate.store_file(file, "picture", "image/png", store))
     assert stored[0] == stored[1]
-    assert len([path for path in store.rglob("*") if path.is_file()]) == 1
+    assert len([path for path in store.folder.rglob("*") if path.is_file()]) == 1

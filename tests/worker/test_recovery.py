@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from demcore.errors import BlowUp, NeverSettles, NoResult, SimulationError
 from service.db.session import Database
 from service.domain.outcome import Failure, FailureClass
+from service.file_store import StoreAway
 from worker.recovery import classify, persist, retry_of
 
 
@@ -75,6 +76,14 @@ def test_a_full_disk_is_tried_again_after_a_pause_and_uses_up_no_attempt(error: 
         again = retry_of(found, 1.0, attempts_left=0, pause_s=7.0)
         assert again is not None
         assert (again.pause_s, again.counts) == (7.0, False)
+
+
+def test_a_store_of_files_that_is_away_is_waited_for() -> None:
+    found = classify(StoreAway("s3://bucket cannot be used"))
+    assert found == Failure(FailureClass.STORE_AWAY, "s3://bucket cannot be used")
+    again = retry_of(found, 1.0, attempts_left=0, pause_s=7.0)
+    assert again is not None
+    assert (again.pause_s, again.counts) == (7.0, False)
 
 
 def test_another_error_of_the_system_is_no_full_disk() -> None:
