@@ -34,7 +34,16 @@ from service.api.authentication import Gate
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
 from service.api.safe_headers import SafeHeaders
-from service.dashboard import analysis_page, assets, diagnosis_page, login, pages, report_page, start_page
+from service.dashboard import (
+    analysis_page,
+    assets,
+    diagnosis_page,
+    login,
+    pages,
+    report_page,
+    scene_routes,
+    start_page,
+)
 from service.db.session import Database
 from service.logs import configure_logs
 from service.settings import Settings, get_settings
@@ -95,6 +104,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(start_page.router)
     app.include_router(diagnosis_page.router)
     app.include_router(report_page.router)
+    app.include_router(scene_routes.router)
     app.include_router(assets.router)
     install_handlers(app)
     large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH, geometries.GEOMETRIES_PATH)

@@ -64,7 +64,7 @@ class DesignPage:
     def fixed(self) -> Mapping[str, float]:
         """Contact parameters of the pile that the study did not search."""
         known = (self.design.results or {}).get("parameters") or self.study.spec.get("fixed") or {}
-        return {name: value for name, value in known.items() if name not in self.design.x}
+        return {n: value for n, value in known.items() if n not in self.design.x and value is not None}
 
     @property
     def compared(self) -> Sequence[Comparison]:

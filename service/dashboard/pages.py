@@ -129,7 +129,9 @@ def design_parts(request: Request, design_id: str) -> Response:
     context = _read_design(request, design_id)
     shown = context["page"]
     html = draw_parts(DESIGN_PARTS, **context)
-    return parts_answer(shown.cursor, shown.is_over, html, charts=shown.charts)
+    return parts_answer(
+        shown.cursor, shown.is_over, html, charts=shown.charts, has_scene=bool(shown.view.artifacts)
+    )
 
 
 @router.get("/charges")
@@ -155,7 +157,8 @@ def charge(request: Request, charge_id: str) -> Response:
 def charge_parts(request: Request, charge_id: str) -> Response:
     """What changes on a charge's page."""
     shown = _read_charge(request, charge_id)
-    return parts_answer(0, shown.is_settled, draw_parts(CHARGE_PARTS, **_charge_context(shown)))
+    html = draw_parts(CHARGE_PARTS, **_charge_context(shown))
+    return parts_answer(0, shown.is_settled, html, has_scene=bool(shown.line.view.artifacts))
 
 
 def _read_charges(request: Request, before: int | None) -> dict[str, Any]:

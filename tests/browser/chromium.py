@@ -18,6 +18,7 @@ PHONE = (390, 844)
 ARGUMENTS = [
     "--no-sandbox",
     "--disable-gpu",
+    "--enable-unsafe-swiftshader",  # WebGL2, drawn in software
     "--disable-quic",
     "--no-first-run",
     "--disable-background-networking",
@@ -56,7 +57,7 @@ def running_chromium() -> Iterator[Browser]:
             browser.close()
 
 
-def wait_until(page: Page, expression: str, seconds: float = 20.0) -> None:
+def wait_until(page: Page, expression: str, seconds: float = 60.0) -> None:
     """Until the script's expression is true. Playwright's own wait_for_function polls by eval, which the pages'
     policy forbids."""
     deadline = time.monotonic() + seconds

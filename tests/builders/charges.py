@@ -13,7 +13,7 @@ from service.db.models import ChargeRow, JobRow
 from service.db.queries import Lease
 from service.db.session import Database
 from service.domain.charge import ChargeRequest, ChargeSpec
-from service.domain.outcome import ChargeMeasurement
+from service.domain.outcome import ChargeMeasurement, StoredArtifact
 from service.domain.states import JobState
 from service.settings import Settings
 from service.studies.claim_job import ChargeClaim, claim_job
@@ -153,9 +153,10 @@ def finish_charge(
     charge_id: int,
     settings: Settings,
     results: dict[str, Any] | None = None,
+    more_files: tuple[StoredArtifact, ...] = (),
     **findings: Any,
 ) -> None:
-    """Run to its end, with a report and two pictures; `findings` replace those of `a_summary`."""
+    """Run to its end, with a report, two pictures and `more_files`; `findings` replace those of `a_summary`."""
     summary = a_summary() if results is None else results
     summary["findings"] |= findings
     picture = a_picture(settings.artifacts_dir)
@@ -170,4 +171,4 @@ def finish_charge(
         else Lease(job.id, job.attempt)
     )
     with database.writing() as session:
-        assert record_charge(session, lease, ChargeMeasurement(summary, files))
+        assert record_charge(session, lease, ChargeMeasurement(summary, (*files, *more_files)))

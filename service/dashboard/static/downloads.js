@@ -7,7 +7,7 @@ const KEPT = [
 ];
 const SCALE = 2;
 
-function save(name, blob) {
+export function save(name, blob) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);
   link.download = name;

@@ -48,6 +48,7 @@ async function refresh() {
     const answer = await fetchParts();
     cursor = Math.max(cursor, answer.cursor);
     applyParts(answer);
+    document.dispatchEvent(new CustomEvent("talus:parts", { detail: answer }));
     if (answer.charts) {
       drawCharts(answer.charts);
       document.dispatchEvent(new CustomEvent("talus:charts", { detail: answer.charts }));

@@ -2,6 +2,7 @@
 
 import { axis, dots, extent, headingOf, line, make, onDrag, pointer, root, round, scale, tell, text, ticks, titleOf, withUnit } from "./svg.js";
 import { Z_90 } from "./curve_panels.js";
+import { colourOf, VIRIDIS } from "./palette.js";
 import { hideTip, showTip } from "./tooltip.js";
 
 const LEFT = 58;
@@ -12,19 +13,8 @@ const GAP = 26;
 const SIDE_BY_SIDE = 520;
 const LEAST = 120;
 const SEAM = 0.6; // cells overlap by as much, or rounding leaves hairs between them
-// Stops of viridis (matplotlib, CC0) and of a plain dark-to-light scale; both read in grey and by the colour-blind.
-const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"];
+// A plain dark-to-light scale.
 const SURE = ["#f7fbff", "#deebf7", "#c6dbef", "#9ecae1", "#6baed6", "#4292c6", "#2171b5", "#08519c", "#08306b"];
-
-const channels = (colour) => [1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16));
-
-/** Between the stops; `share` from 0 to 1. */
-export function colourOf(stops, share) {
-  const place = Math.max(0, Math.min(1, share)) * (stops.length - 1);
-  const k = Math.min(Math.floor(place), stops.length - 2);
-  const [a, b] = [channels(stops[k]), channels(stops[k + 1])];
-  return `rgb(${a.map((from, i) => Math.round(from + (place - k) * (b[i] - from))).join(",")})`;
-}
 
 /** Pieces of the line where values (rows along x, columns along y) cross a level: marching squares. */
 export function contour(xs, ys, values, level) {

@@ -1,0 +1,125 @@
+"""Stored grains: the files of piles and charges as runs leave them, with known places."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from demcore.output.spheres import SPHERE_FIELDS, vertices, write_spheres
+from demcore.output.tessellation import revolution
+from demcore.output.vtkhdf import Field, PolyData, PolyDataSeries
+from service.db.session import Database
+from service.domain.outcome import StoredArtifact
+from service.domain.states import JobKind
+from service.settings import Settings
+from service.studies.record_measurement import record_measurement
+from tests.builders.charges import charges, finish_charge
+from tests.builders.piles import a_pile
+from tests.builders.studies import a_study, claimed, designs, open_jobs, propose_next
+
+GRAINS = 60
+HDF = "application/x-hdf5"
+SPACING_M = 0.02
+FRAME_SECONDS = 2.0
+
+
+def stored(path: Path, kind: str, settings: Settings) -> StoredArtifact:
+    """A file moved into the store, under its content's hash."""
+    content = path.read_bytes()
+    sha256 = hashlib.sha256(content).hexdigest()
+    relative = Path(sha256[:2]) / sha256
+    (settings.artifacts_dir / relative.parent).mkdir(parents=True, exist_ok=True)
+    path.rename(settings.artifacts_dir / relative)
+    return StoredArtifact(kind, path.name, HDF, sha256, len(content), relative.as_posix())
+
+
+def block_of_grains(count: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Positions (N, 3) m and radii (N,) m of a cubic block on the plane z = 0, row by row; radii of 4 to 10 mm."""
+    side = round(count ** (1 / 3)) + 1
+    k = np.arange(count)
+    places = np.column_stack([k % side, k // side % side, k // side**2])
+    middle = np.array([0.5 * (side - 1), 0.5 * (side - 1), -0.5])
+    return SPACING_M * (places - middle), 0.004 + 0.006 * (k % 7) / 6.0
+
+
+def a_pile_file(folder: Path, count: int = GRAINS) -> Path:
+    """As `PileResult.write` leaves it: the end, without numbers. Grain k moves at k mm/s along x."""
+    positions, radii = block_of_grains(count)
+    velocity = np.zeros((count, 3))
+    velocity[:, 0] = 1e-3 * np.arange(count)
+    path = folder / "result.vtkhdf"
+    data = {"Velocity": velocity, "Material": np.ones(count, np.int32)}
+    write_spheres(path, positions, radii, data, {"angle_deg": 25.4})
+    return path
+
+
+def a_series_file(folder: Path, frames: int = 4, count: int = 12) -> Path:
+    """As `SeriesRecorder` leaves it: of `count` grains, a share more in each frame, and all of them move down by
+    .5 m a frame from z = .6 m on. Grain n of two kinds has the number n + 100."""
+    path = folder / "spheres.vtkhdf"
+    positions, radii = block_of_grains(count)
+    with PolyDataSeries(path, "Vertices", SPHERE_FIELDS) as series:
+        for k in range(frames):
+            here = count * (k + 1) // frames
+            since = k - np.arange(count)[:here] * frames // count
+            points = positions[:here] * [1.0, 1.0, 0.0] + np.outer(0.6 - 0.5 * since, [0.0, 0.0, 1.0])
+            data = {
+                "Radius": radii[:here],
+                "Velocity": np.tile([0.0, 0.0, -0.25], (here, 1)),
+                "AngularVelocity": np.zeros((here, 3)),
+                "Material": 1 + np.arange(here, dtype=np.int32) % 2,
+                "Number": 100 + np.arange(here),
+            }
+            series.append(FRAME_SECONDS * k, PolyData(points, vertices(here), data, {}))
+    return path
+
+
+def a_walls_file(folder: Path, frames: int = 4) -> Path:
+    """A cylinder and a cone below it, which stand still."""
+    path = folder / "walls.vtkhdf"
+    bands = [revolution((1.0, 0.0), (1.0, 1.0)), revolution((1.0, 0.0), (0.2, -0.8))]
+    points = np.concatenate([points for points, _ in bands])
+    triangles = np.concatenate([bands[0][1], bands[1][1] + len(bands[0][0])])
+    wall = np.repeat([0, 1], [len(band[1]) for band in bands]).astype(np.int32)
+    fields = (Field("Wall", "i4"), Field("Material", "i4"))
+    with PolyDataSeries(path, "Polygons", (), fields) as series:
+        data = PolyData(points, triangles, {}, {"Wall": wall, "Material": np.zeros_like(wall)})
+        series.append(0.0, data)
+        for k in range(1, frames):
+            series.repeat(FRAME_SECONDS * k)
+    return path
+
+
+def a_design_with_grains(database: Database, settings: Settings, count: int = GRAINS) -> int:
+    """The id of a design whose pile is stored."""
+    study_id = a_study(database, parallel=1)
+    propose_next(database, study_id)
+    (job_id,) = open_jobs(database, study_id, JobKind.SIMULATE)
+    settings.artifacts_dir.mkdir(parents=True, exist_ok=True)
+    pile = a_pile(25.4, settings)
+    file = stored(a_pile_file(settings.artifacts_dir, count), "vtkhdf", settings)
+    with database.writing() as session:
+        measurement = replace(pile, artifacts=(*pile.artifacts, file))
+        assert record_measurement(session, claimed(database, job_id).lease, measurement)
+    return designs(database, study_id)[0].id
+
+
+def a_charge_with_grains(database: Database, settings: Settings, with_series: bool = True) -> int:
+    """The id of a finished charge with its grains over time and its walls, or with neither."""
+    (charge_id,) = charges(database)
+    folder = settings.artifacts_dir
+    folder.mkdir(parents=True, exist_ok=True)
+    files = (
+        (
+            stored(a_series_file(folder), "spheres", settings),
+            stored(a_walls_file(folder), "walls", settings),
+        )
+        if with_series
+        else (stored(a_pile_file(folder), "result", settings),)
+    )
+    finish_charge(database, charge_id, settings, more_files=files)
+    return charge_id
