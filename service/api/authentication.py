@@ -100,7 +100,9 @@ def needed_scope(method: str, path: str) -> KeyScope:
 
 def _is_page(scope: Scope) -> bool:
     path = scope["path"]
-    is_for_programs = path.startswith("/v1/") or path.endswith("/parts") or path in PROGRAM_PATHS
+    # What a page's script asks for must be refused as what it is: a login form is no answer to it.
+    is_of_a_script = path.endswith("/parts") or "/scene" in path
+    is_for_programs = path.startswith("/v1/") or is_of_a_script or path in PROGRAM_PATHS
     return scope["method"] == "GET" and not is_for_programs
 
 

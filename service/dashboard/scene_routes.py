@@ -5,8 +5,7 @@ Files are read from the artifact store as the runs left them; a row of the datab
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -71,49 +70,49 @@ def get_charge_scene(request: Request, charge_id: str) -> Response:
     return _scene(charge_scene(view.charge, view.artifacts, _store(request)))
 
 
-@router.get("/scenes/{artifact_id}/frames/{k}")
-def get_frame(request: Request, artifact_id: str, k: str) -> Response:
+@router.get("/scenes/{scene_id}/frames/{k}")
+def get_frame(request: Request, scene_id: str, k: str) -> Response:
     """All grains of a frame, 8 bytes each (service/scene/packing.py)."""
-    return _answer(request, artifact_id, SPHERE_KINDS, k, read_spheres, pack_frame)
+    return _answer(request, scene_id, SPHERE_KINDS, k, read_spheres, pack_frame)
 
 
-@router.get("/scenes/{artifact_id}/frames/{k}/columns/{name}")
-def get_column(request: Request, artifact_id: str, k: str, name: str) -> Response:
+@router.get("/scenes/{scene_id}/frames/{k}/columns/{column}")
+def get_column(request: Request, scene_id: str, k: str, column: str) -> Response:
     """One more number of each grain, a byte each."""
 
     def packed(spheres: Spheres) -> bytes:
-        values = _column(spheres, name, path)
+        values = _column(spheres, column, path)
         if values is None:
-            raise NotFound(f"There is no {name[:40]} in this file.")
+            raise NotFound(f"There is no {column[:40]} in this file.")
         return pack_column(values)
 
-    path = _path(request, artifact_id, SPHERE_KINDS)[1]
-    return _answer(request, artifact_id, SPHERE_KINDS, k, read_spheres, packed)
+    path = _path(request, scene_id, SPHERE_KINDS)
+    return _answer(request, scene_id, SPHERE_KINDS, k, read_spheres, packed)
 
 
-@router.get("/scenes/{artifact_id}/frames/{k}/grains/{row}")
-def get_grain(request: Request, artifact_id: str, k: str, row: str) -> Response:
+@router.get("/scenes/{scene_id}/frames/{k}/grains/{row}")
+def get_grain(request: Request, scene_id: str, k: str, row: str) -> Response:
     """One grain, unrounded."""
-    spheres = _read(_path(request, artifact_id, SPHERE_KINDS)[1], k, read_spheres)
+    spheres = _read(_path(request, scene_id, SPHERE_KINDS), k, read_spheres)
     try:
         return JSONResponse(describe_grain(spheres, _index(row)))
     except IndexError:
         raise NotFound(f"There is no grain {row[:20]} in this frame.") from None
 
 
-@router.get("/scenes/{artifact_id}/frames/{k}/table.csv")
-def get_table(request: Request, artifact_id: str, k: str) -> Response:
+@router.get("/scenes/{scene_id}/frames/{k}/table.csv")
+def get_table(request: Request, scene_id: str, k: str) -> Response:
     """All grains of a frame, unrounded."""
-    spheres = _read(_path(request, artifact_id, SPHERE_KINDS)[1], k, read_spheres)
-    name = f"grains-{artifact_id}-{int(k)}.csv"
+    spheres = _read(_path(request, scene_id, SPHERE_KINDS), k, read_spheres)
+    name = f"grains-{scene_id}-{int(k)}.csv"
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     return StreamingResponse(write_table(spheres), media_type="text/csv; charset=utf-8", headers=headers)
 
 
-@router.get("/scenes/{artifact_id}/walls/{k}")
-def get_walls(request: Request, artifact_id: str, k: str) -> Response:
+@router.get("/scenes/{walls_id}/walls/{k}")
+def get_walls(request: Request, walls_id: str, k: str) -> Response:
     """The triangles of a frame's walls."""
-    return _answer(request, artifact_id, (WALL_KIND,), k, read_surface, pack_walls)
+    return _answer(request, walls_id, (WALL_KIND,), k, read_surface, pack_walls)
 
 
 def _column(spheres: Spheres, name: str, path: Path) -> Floats | None:
@@ -132,8 +131,8 @@ def _store(request: Request) -> FileStore:
     return artifact_store(settings)
 
 
-def _path(request: Request, artifact_id: str, kinds: tuple[str, ...]) -> tuple[ArtifactRow, Path]:
-    """Row and file of an artifact of these kinds."""
+def _path(request: Request, artifact_id: str, kinds: tuple[str, ...]) -> Path:
+    """The file of an artifact of these kinds."""
     with database_of(request).reading() as session:
         row = session.get(ArtifactRow, parse_id(artifact_id, "artifact"))
     if row is None or row.kind not in kinds:
@@ -141,7 +140,7 @@ def _path(request: Request, artifact_id: str, kinds: tuple[str, ...]) -> tuple[A
     path = _store(request).local(row.path)
     if not path.is_file():
         raise NotFound(f"The file of artifact {artifact_id} is no longer stored.")
-    return row, path
+    return path
 
 
 def _index(text: str) -> int:
@@ -166,16 +165,12 @@ def _answer(
     read: Callable[[Path, int], T],
     pack: Callable[[T], bytes],
 ) -> Response:
-    """Packed, or 304: a stored file never changes, so its content's hash and the address name the answer."""
-    row, path = _path(request, artifact_id, kinds)
-    tag = f'"{row.sha256[:32]}-{hashlib.sha256(request.url.path.encode()).hexdigest()[:16]}"'
-    if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers={"ETag": tag})
-    return _packed(pack(_read(path, k, read)), {"ETag": tag, "Cache-Control": "private, no-cache"})
+    """Packed. A page keeps its frames itself: like every answer with data, it stays out of the browser's cache."""
+    return _packed(pack(_read(_path(request, artifact_id, kinds), k, read)))
 
 
-def _packed(content: bytes, headers: Mapping[str, str] | None = None) -> Response:
-    return Response(content, media_type=MEDIA_TYPE, headers=dict(headers or {"Cache-Control": "no-store"}))
+def _packed(content: bytes) -> Response:
+    return Response(content, media_type=MEDIA_TYPE, headers={"Cache-Control": "no-store"})
 
 
 def _scene(scene: Scene) -> Response:

@@ -16,6 +16,7 @@ from service.settings import Settings
 from service.studies.keep_files import keep_files
 from tests.builders.charges import charges
 from tests.builders.diagnoses import a_data_set, a_diagnosis
+from tests.builders.scenes import a_series_file, a_walls_file, stored
 from tests.builders.studies import a_finished_study
 
 
@@ -53,13 +54,20 @@ def one_of_everything(database: Database, settings: Settings) -> dict[str, str]:
             [StoredArtifact("picture", "a.png", "image/png", "0" * 64, 1, "file")],
             design_id=design.id,
         )
+        design.results = {**(design.results or {}), "rig": {"base_diameter": 0.6}}
+        folder = settings.artifacts_dir
+        files = [
+            stored(a_series_file(folder), "spheres", settings),
+            stored(a_walls_file(folder), "walls", settings),
+        ]
+        keep_files(session, files, charge_id=charge_id)
         mesh = GeometryRow(
             file_name="a.stl", sha256="0" * 64, size_bytes=1, triangles=1, extent={}, path="a.stl"
         )
         version = ModelVersionRow(name="baseline+x", diagnosis_id=diagnosis, base="x", effects={})
         session.add_all([mesh, version])
         session.flush()
-        artifact = session.scalars(select(ArtifactRow.id)).first()
+        artifacts = {row.kind: row.id for row in session.scalars(select(ArtifactRow))}
         job = session.scalars(select(JobRow.id).where(JobRow.study_id == study_id)).first()
         return {
             name: str(value)
@@ -71,7 +79,12 @@ def one_of_everything(database: Database, settings: Settings) -> dict[str, str]:
                 "diagnosis_id": diagnosis,
                 "version_id": version.id,
                 "geometry_id": mesh.id,
-                "artifact_id": artifact,
+                "artifact_id": artifacts["picture"],
+                "scene_id": artifacts["spheres"],
+                "walls_id": artifacts["walls"],
+                "k": 0,
+                "row": 0,
+                "column": "speed",
                 "job_id": job,
                 "name": "pellet",
                 "effect_id": library().effects[0].id,

@@ -108,18 +108,6 @@ def test_removed_and_damaged_files_are_told_apart(
     assert client.get(url).status_code == 404
 
 
-def test_a_frame_that_the_browser_has_is_not_sent_again(
-    client: TestClient, sqlite_database: Database, settings: Settings
-) -> None:
-    design = a_design_with_grains(sqlite_database, settings)
-    url = client.get(f"/designs/{design}/scene").json()["frames"][0]["url"]
-    first = client.get(url)
-    again = client.get(url, headers={"If-None-Match": first.headers["etag"]})
-    assert again.status_code == 304 and again.content == b""
-    column = client.get(f"{url}/columns/speed", headers={"If-None-Match": first.headers["etag"]})
-    assert column.status_code == 200, "a column is another thing than its frame"
-
-
 NOT_THERE = (
     "/designs/999/scene",
     "/designs/999/scene/walls",
