@@ -7,6 +7,7 @@
 #   make serve                                                   start the service and stay
 #   make compare-workers [BUDGET=6]                              two workers of one thread against one of two
 #   make faults [SCHEDULES=200] [SEED=1] [BACKEND=sqlite]        random schedules of faults on real jobs
+#   make outages                                                 60 s without broker, 10 s without database
 #   make load [FOR=60]                                            50 requests/s beside two busy workers
 #   make secure                                                  risky calls, secrets, known holes
 #   make test | slow | lint                                      the tests, the long tests, the linters
@@ -36,7 +37,7 @@ SEED ?=
 OUT ?=
 TESTS ?=
 
-.PHONY: help setup dev demo charge compare-workers serve test test-browser slow faults load secure lint lock clean
+.PHONY: help setup dev demo charge compare-workers serve test test-browser slow faults outages load secure lint lock clean
 
 help:
 	@sed -n 's/^#  *make/make/p' Makefile
@@ -83,6 +84,9 @@ slow: $(DEV)
 faults: $(DEV)
 	@$(BIN)/python -m tests.faults --schedules "$(or $(SCHEDULES),200)" --seed "$(or $(SEED),1)" \
 	  $(if $(BACKEND),--backend "$(BACKEND)")
+
+outages: $(DEV)
+	@$(BIN)/python -m tests.faults.outages
 
 load: $(DEV)
 	@$(BIN)/python -m tests.load --seconds "$(or $(FOR),60)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -92,3 +93,50 @@ def test_no_request_gets_a_5xx_or_an_answer_that_the_document_does_not_know(
 @pytest.mark.parametrize("auth", ["off", "on"])
 def test_no_request_of_many_gets_a_5xx(database: Database, tmp_path: Path, auth: str) -> None:
     assert fuzz(database, tmp_path, auth, examples=60) > 45
+
+
+def walk(database: Database, folder: Path, auth: str, walks: int, steps: int) -> Counter[str]:
+    """Chains of requests in which each takes ids of an answer before it; how often each operation was asked."""
+    a_finished_study(database)
+    charges(database)
+    a_data_set(database)
+    headers, asked = key_for(database, auth), Counter[str]()
+
+    class Walk(schema_of(database, folder, auth).as_state_machine()):  # type: ignore[misc]
+        def get_call_kwargs(self, case: Any) -> dict[str, Any]:
+            return {"headers": headers}
+
+        def validate_response(self, response: Any, case: Any, **_others: Any) -> None:
+            told = case.operation.definition.raw["operationId"]
+            asked[f"{told} {response.status_code // 100}xx"] += 1
+            case.validate_response(response, checks=list(CHECKS))
+
+    Walk.run(
+        settings=settings(
+            max_examples=walks,
+            stateful_step_count=steps,
+            deadline=None,
+            database=None,
+            derandomize=True,
+            phases=[Phase.generate],
+            suppress_health_check=list(HealthCheck),
+        )
+    )
+    return asked
+
+
+def test_no_chain_of_requests_gets_a_5xx(sqlite_database: Database, tmp_path: Path) -> None:
+    asked = walk(sqlite_database, tmp_path, "off", walks=2, steps=12)
+    assert sum(asked.values()) > 10, asked
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("auth", ["off", "on"])
+def test_no_long_chain_of_requests_gets_a_5xx(
+    database: Database, tmp_path: Path, auth: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = walk(database, tmp_path, auth, walks=150, steps=30)
+    with capsys.disabled():
+        print(f"\n{sum(asked.values())} requests in chains: {dict(sorted(asked.items()))}")
+    assert {"getStudy 2xx", "listDesigns 2xx", "getDesign 2xx"} <= asked.keys()
