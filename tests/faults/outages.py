@@ -48,9 +48,10 @@ class Outage:
 
     def line(self) -> str:
         drained = "" if self.drained_after_s is None else f"; backlog out after {self.drained_after_s:.1f} s"
+        meanwhile = f"; {self.ended_meanwhile} jobs ended meanwhile" if self.ended_meanwhile else ""
         return (
             f"{self.what} away for {self.lasted_s:.0f} s: answers {dict(self.answers)}, slowest "
-            f"{self.slowest_answer_s:.2f} s; {self.ended_meanwhile} jobs ended meanwhile{drained}; "
+            f"{self.slowest_answer_s:.2f} s{meanwhile}{drained}; "
             f"{self.finished_once} of {self.jobs} jobs finished once"
             + "".join(f"\n  WRONG: {problem}" for problem in self.problems)
         )

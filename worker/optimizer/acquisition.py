@@ -147,7 +147,7 @@ def effort(courses: Sequence[Course], missing: FloatArray, most: int) -> tuple[F
     for r in range(1, most + 1):
         chance = np.where(missing <= r, certificate_chance(courses, r), 0.0)
         highest = np.maximum(highest, chance)
-        best = np.minimum(best, r / np.maximum(chance, 1e-12))
+        best = np.minimum(best, np.divide(r, chance, out=np.full_like(chance, np.inf), where=chance > 1e-12))
     return best, highest
 
 

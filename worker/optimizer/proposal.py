@@ -39,6 +39,7 @@ from worker.optimizer.outlook import Belief, Outlook, build_outlook
 from worker.optimizer.proposed import Expected, Prediction, Proposal
 from worker.optimizer.shared_designs import SHARED, is_helped, shared_designs
 from worker.optimizer.stopping import (
+    FUTILE_CHANCE,
     Prospect,
     Stop,
     certified,
@@ -266,10 +267,13 @@ def _hopeless(fitted: Outlook, options: Options, left: int) -> Stop | None:
 
 
 def _best_replicate(options: Options) -> Group | None:
-    """The evaluated design with the least effort, unless searching promises a shorter way."""
+    """The evaluated design with the least effort, unless searching promises a shorter way, or its seeds no way:
+    where no plan has a chance, the fewest missing seeds say nothing."""
     if not options.groups:
         return None
     best = int(np.argmin(options.again))
+    if options.again_chance[best] < FUTILE_CHANCE:
+        return None
     if options.search and np.min(options.effort) < options.again[best]:
         return None
     return options.groups[best]

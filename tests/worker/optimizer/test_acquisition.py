@@ -94,6 +94,14 @@ def test_effort_counts_the_seeds_that_are_missing() -> None:
     assert chance == pytest.approx(1.0)
 
 
+def test_no_plan_for_what_lies_too_far_or_lacks_more_seeds_than_are_left() -> None:
+    response = Response("angle_deg", 30.0, (28.5, 31.5), 0.5)
+    course = Course(response, np.array([90.0, 30.0]), np.array([0.1, 0.1]), 0.5, 1.0)
+    need, chance = effort([course], np.array([1.0, 9.0]), 8)
+    assert need.tolist() == [np.inf, np.inf]
+    assert chance.tolist() == [0.0, 0.0]
+
+
 TWO = np.array([[30.0, 31.0, 34.0], [4.0, 5.0, 4.5]]), np.array([[0.6, 0.4, 1.0], [0.3, 0.2, 0.5]])
 TARGETS, TAUS = np.array([30.5, 4.4]), np.array([0.75, 0.25])
 

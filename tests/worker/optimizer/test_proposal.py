@@ -71,6 +71,15 @@ def test_a_spent_budget_still_gives_the_winner_its_seeds(parallel: int, budget: 
     assert proposals[-1].origin == "replicate"
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_no_seeds_are_spent_on_a_design_that_cannot_be_certified(seed: int) -> None:
+    """Where runs scatter so that no number of seeds left would do, "the shortest way" is nowhere."""
+    spec = dataclasses.replace(spec_of(space(2), 34.0, 1.0, budget=16), seed=seed)
+    proposals, _, stop = play(spec, noisy(rising, 3.0))
+    assert stop.reason in ("budget", "futile")
+    assert not [p.reason for p in proposals if "shortest way" in p.reason]
+
+
 @pytest.mark.parametrize("parallel", [1, 4])
 def test_designs_are_allowed_and_pairs_with_seeds_unique(parallel: int) -> None:
     spec = spec_of(space(2, 0.05), 30.0, 0.5, parallel=parallel)
