@@ -16,8 +16,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from demcore.errors import InputError
+
+FloatArray = NDArray[np.float64]
 
 # A difference counts when it is so many times its noise.
 BEYOND = 2.0
@@ -45,7 +48,9 @@ NUMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "mean_diameter_m": ("m", ("mean_diameter_m",)),
     "lost_kg": ("kg", ("lost_kg",)),
 }
-AZIMUTH, HEIGHT = "azimuth_deg", "height_m"
+AZIMUTH, HEIGHT, PRESSURE = "azimuth_deg", "height_m", "pressure_kpa"
+# With fewer taps hardly a turning is left to compare with.
+FEWEST_TAPS = 4
 
 
 class Group(NamedTuple):
@@ -108,11 +113,12 @@ def _difference(groups: list[Group]) -> tuple[float, float, bool | None]:
     return difference, noise, abs(difference) > BEYOND * noise
 
 
-class PlantHeights(NamedTuple):
-    """Heights of a burden above the bell's seat as somebody measured them: azimuth, degrees, and height, m."""
+class PlantProfile(NamedTuple):
+    """What somebody measured around the hopper: azimuth, degrees, and a height above the bell's seat, m, or the
+    pressure of a tap below, kPa."""
 
     azimuth_deg: tuple[float, ...]
-    height_m: tuple[float, ...]
+    value: tuple[float, ...]
 
 
 class Agreement(NamedTuple):
@@ -125,39 +131,92 @@ class Agreement(NamedTuple):
     correlation: float
 
 
-def read_heights(text: str) -> PlantHeights:
+class PressureAgreement(NamedTuple):
+    """A charge against pressure taps, which tell where the layer is thick and not how thick: its heights at the
+    taps (m), the rank correlation with the pressures (nan where either is level), and the share of the profile's
+    turnings about the axis by whole taps that correlate at least as strongly, itself among them."""
+
+    here_m: tuple[float, ...]
+    rank_correlation: float
+    as_strong_when_turned: float
+
+
+def read_heights(text: str) -> PlantProfile:
     """A CSV with the columns azimuth_deg and height_m. Raises InputError with line and column."""
+    return _read_profile("plant_heights", HEIGHT, text, fewest=1)
+
+
+def read_pressures(text: str) -> PlantProfile:
+    """A CSV with the columns azimuth_deg and pressure_kpa, four taps at least. Raises InputError."""
+    return _read_profile("plant_pressures", PRESSURE, text, fewest=FEWEST_TAPS)
+
+
+def _read_profile(field: str, column: str, text: str, fewest: int) -> PlantProfile:
     reader = csv.DictReader(io.StringIO(text))
     columns = reader.fieldnames or []
-    for name in (AZIMUTH, HEIGHT):
+    for name in (AZIMUTH, column):
         if name not in columns:
-            raise InputError(
-                "plant_heights", ", ".join(columns) or "nothing", f"columns {AZIMUTH} and {HEIGHT}"
-            )
-    rows = [(_cell(reader.line_num, AZIMUTH, row), _cell(reader.line_num, HEIGHT, row)) for row in reader]
-    if not rows:
-        raise InputError("plant_heights", "no rows", "at least one row")
-    azimuth, height = zip(*rows, strict=True)
-    return PlantHeights(tuple(a % 360.0 for a in azimuth), height)
+            raise InputError(field, ", ".join(columns) or "nothing", f"columns {AZIMUTH} and {column}")
+    rows = [
+        (_cell(field, reader.line_num, AZIMUTH, row), _cell(field, reader.line_num, column, row))
+        for row in reader
+    ]
+    if len(rows) < fewest:
+        found = f"{len(rows)} rows" if rows else "no rows"
+        raise InputError(field, found, "at least one row" if fewest == 1 else f"at least {fewest} rows")
+    azimuth, value = zip(*rows, strict=True)
+    return PlantProfile(tuple(a % 360.0 for a in azimuth), value)
 
 
-def _cell(line: int, name: str, row: Mapping[str, str | None]) -> float:
+def _cell(field: str, line: int, name: str, row: Mapping[str, str | None]) -> float:
     try:
         value = float(row[name] or "")
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"plant_heights, line {line}, {name}", row[name], "a finite number")
+        raise InputError(f"{field}, line {line}, {name}", row[name], "a finite number")
     return value
 
 
-def against_plant(summary: Mapping[str, Any], measured: PlantHeights) -> Agreement:
+def against_plant(summary: Mapping[str, Any], measured: PlantProfile) -> Agreement:
     """The charge's mean heights by sector, read between the sectors' middles, beside the measured ones."""
+    here = _heights_at(summary, measured.azimuth_deg)
+    gap = here - np.array(measured.value)
+    flat = len(here) < 3 or np.ptp(here) == 0.0 or np.ptp(measured.value) == 0.0
+    correlation = math.nan if flat else float(np.corrcoef(here, measured.value)[0, 1])
+    return Agreement(tuple(here.tolist()), float(gap.mean()), float(np.sqrt((gap**2).mean())), correlation)
+
+
+def against_pressures(summary: Mapping[str, Any], measured: PlantProfile) -> PressureAgreement:
+    """The charge's heights beside the pressures by rank (Spearman 1904): how pressure follows height is not known,
+    only that it follows. Which sign is right depends on the material, so both count as strong.
+
+    Neighbouring taps are alike, so the usual significance of n independent pairs does not hold. Turning the
+    profile about the axis keeps that likeness: where many turnings agree as well, the place is not told.
+    """
+    order = np.argsort(measured.azimuth_deg, kind="stable")
+    azimuth, pressure = np.array(measured.azimuth_deg)[order], np.array(measured.value)[order]
+    here = _heights_at(summary, tuple(azimuth.tolist()))
+    by_tap = np.empty(len(here))
+    by_tap[order] = here
+    if np.ptp(here) == 0.0 or np.ptp(pressure) == 0.0:
+        return PressureAgreement(tuple(by_tap.tolist()), math.nan, math.nan)
+    ranks = _ranks(pressure)
+    turned = np.array([np.corrcoef(np.roll(_ranks(here), k), ranks)[0, 1] for k in range(len(here))])
+    as_strong = float(np.mean(np.abs(turned) >= abs(turned[0]) - 1e-12))
+    return PressureAgreement(tuple(by_tap.tolist()), float(turned[0]), as_strong)
+
+
+def _heights_at(summary: Mapping[str, Any], azimuth_deg: Sequence[float]) -> FloatArray:
+    """Mean heights by sector above the bell's seat (m), read between the sectors' middles."""
     sectors = summary["sectors"]
     seat = -float(summary["inputs"]["plant"]["hopper"]["seat_depth"])
     heights = np.array(sectors["height"], float) - seat
-    here = np.interp(measured.azimuth_deg, np.array(sectors["azimuth_deg"], float), heights, period=360.0)
-    gap = here - np.array(measured.height_m)
-    flat = len(here) < 3 or np.ptp(here) == 0.0 or np.ptp(measured.height_m) == 0.0
-    correlation = math.nan if flat else float(np.corrcoef(here, measured.height_m)[0, 1])
-    return Agreement(tuple(here.tolist()), float(gap.mean()), float(np.sqrt((gap**2).mean())), correlation)
+    return np.interp(azimuth_deg, np.array(sectors["azimuth_deg"], float), heights, period=360.0)
+
+
+def _ranks(values: FloatArray) -> FloatArray:
+    """From 1; equal values share the mean of theirs."""
+    _, which, count = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(count)
+    return np.asarray((last - 0.5 * (count - 1))[which], float)

@@ -10,7 +10,17 @@ from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.orm import Session
 
 from demcore.errors import InputError
-from demcore.experiments.charge_comparison import Agreement, Group, Row, against_plant, compare, read_heights
+from demcore.experiments.charge_comparison import (
+    Agreement,
+    Group,
+    PressureAgreement,
+    Row,
+    against_plant,
+    against_pressures,
+    compare,
+    read_heights,
+    read_pressures,
+)
 from service.api.dependencies import DatabaseDep
 from service.api.problems import problem_responses
 from service.api.study_parts import STRICT
@@ -32,6 +42,10 @@ class ComparisonBody(BaseModel):
     plant_heights: Annotated[
         str | None,
         Field(description="CSV with azimuth_deg and height_m above the bell's seat, of the plant's burden"),
+    ] = None
+    plant_pressures: Annotated[
+        str | None,
+        Field(description="CSV with azimuth_deg and pressure_kpa of taps below the hopper, four at least"),
     ] = None
 
 
@@ -89,11 +103,34 @@ class AgreementBody(BaseModel):
         )
 
 
+class PressureAgreementBody(BaseModel):
+    """A charge against pressure taps, which tell where its layer is thick and not how thick."""
+
+    charge_id: int
+    here_m: list[float] = Field(description="its heights at the taps")
+    rank_correlation: float | None = Field(
+        description="of height and pressure; its sign depends on how the layer's material lets gas through"
+    )
+    as_strong_when_turned: float | None = Field(
+        description="share of turnings of the profile about the axis that agree at least as strongly"
+    )
+
+    @classmethod
+    def of(cls, charge_id: int, found: PressureAgreement) -> Self:
+        return cls(
+            charge_id=charge_id,
+            here_m=list(found.here_m),
+            rank_correlation=_finite(found.rank_correlation),
+            as_strong_when_turned=_finite(found.as_strong_when_turned),
+        )
+
+
 class ComparisonTable(BaseModel):
-    """Every number of the groups, and each charge against the plant where heights were given."""
+    """Every number of the groups, and each charge against what was measured in the plant, where that was given."""
 
     rows: list[RowBody]
     plant: list[AgreementBody]
+    pressures: list[PressureAgreementBody]
 
 
 @router.post(
@@ -109,16 +146,15 @@ def post_comparison(body: ComparisonBody, database: DatabaseDep) -> ComparisonTa
     try:
         rows = compare({name: list(of.values()) for name, of in groups.items()})
         heights = None if body.plant_heights is None else read_heights(body.plant_heights)
+        taps = None if body.plant_pressures is None else read_pressures(body.plant_pressures)
     except InputError as error:
         raise InvalidValue(error.field, error.value, error.allowed) from error
-    plant = []
-    if heights is not None:
-        plant = [
-            AgreementBody.of(number, against_plant(summary, heights))
-            for of in groups.values()
-            for number, summary in of.items()
-        ]
-    return ComparisonTable(rows=[RowBody.of(row) for row in rows], plant=plant)
+    charges = [pair for of in groups.values() for pair in of.items()]
+    plant = [] if heights is None else [AgreementBody.of(n, against_plant(s, heights)) for n, s in charges]
+    pressures = (
+        [] if taps is None else [PressureAgreementBody.of(n, against_pressures(s, taps)) for n, s in charges]
+    )
+    return ComparisonTable(rows=[RowBody.of(row) for row in rows], plant=plant, pressures=pressures)
 
 
 def _results(session: Session, group: str, charge_id: int) -> dict[str, Any]:

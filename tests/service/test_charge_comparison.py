@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,11 @@ def test_two_groups_and_the_plant(client: TestClient, sqlite_database: Database)
     coke, iron = (finished(sqlite_database, *far) for far in ((1.4, 1.6), (1.0, 1.1)))
     answer = client.post(
         "/v1/charges/comparison",
-        json={"groups": {"coke": coke, "iron": iron}, "plant_heights": HEIGHTS},
+        json={
+            "groups": {"coke": coke, "iron": iron},
+            "plant_heights": HEIGHTS,
+            "plant_pressures": "azimuth_deg,pressure_kpa\n45,3\n135,1\n225,4\n315,2\n",
+        },
     )
     assert answer.status_code == 200, answer.text
     found = answer.json()
@@ -49,6 +54,10 @@ def test_two_groups_and_the_plant(client: TestClient, sqlite_database: Database)
     assert row["stands_out"] is True
     assert [one["charge_id"] for one in found["plant"]] == [*coke, *iron]
     assert found["plant"][0]["rms_m"] == pytest.approx(0.0, abs=1e-12)
+    assert [one["charge_id"] for one in found["pressures"]] == [*coke, *iron]
+    # Heights 1.0, .5, 1.1, 1.0 against 3, 1, 4, 2: ranks 2.5, 1, 4, 2.5.
+    assert found["pressures"][0]["rank_correlation"] == pytest.approx(4.5 / math.sqrt(4.5 * 5.0))
+    assert found["pressures"][0]["as_strong_when_turned"] == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize(
@@ -60,6 +69,11 @@ def test_two_groups_and_the_plant(client: TestClient, sqlite_database: Database)
         ({"groups": {"a": [-1]}}, 422, "the id of a charge"),
         ({"groups": {"a": [1]}}, 409, "Charge 1 has no results: it is WAITING"),
         ({"groups": {"a": [2]}, "plant_heights": "x\n1\n"}, 422, "columns azimuth_deg and height_m"),
+        (
+            {"groups": {"a": [2]}, "plant_pressures": "azimuth_deg,pressure_kpa\n1,2\n"},
+            422,
+            "at least 4 rows",
+        ),
     ],
 )
 def test_refusals(
