@@ -80,14 +80,11 @@ def get_frame(request: Request, scene_id: str, k: str) -> Response:
 def get_column(request: Request, scene_id: str, k: str, column: str) -> Response:
     """One more number of each grain, a byte each."""
 
-    def packed(spheres: Spheres) -> bytes:
-        values = _column(spheres, column, path)
-        if values is None:
-            raise NotFound(f"There is no {column[:40]} in this file.")
-        return pack_column(values)
-
     path = _path(request, scene_id, SPHERE_KINDS)
-    return _answer(request, scene_id, SPHERE_KINDS, k, read_spheres, packed)
+    values = _column(_read(path, k, read_spheres), column, path)
+    if values is None:
+        raise NotFound(f"There is no {column[:40]} in this file.")
+    return _packed(pack_column(values))
 
 
 @router.get("/scenes/{scene_id}/frames/{k}/grains/{row}")

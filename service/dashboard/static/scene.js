@@ -10,7 +10,8 @@ import { sceneAsPng } from "./scene_picture.js";
 import { tell, withUnit } from "./svg.js";
 import { onThemeChange } from "./theme.js";
 
-const SLOW_MS = 70; // a drawing that takes longer is made coarser while it moves
+const SLOW_MS = 70; // a drawing that takes longer is made coarser while it moves, so as to take this
+const COARSEST = 0.3;
 const STILL_MS = 180;
 const PLAY_MS = { full: 250, reduced: 1000 };
 const LAYERS = 8;
@@ -28,7 +29,7 @@ class SceneView {
     this.camera = new Camera();
     this.picked = -1;
     this.cut = NO_CUT;
-    this.isSlow = false;
+    this.coarse = 1;
     this.frame = null;
     this.wanted = 0;
   }
@@ -250,7 +251,7 @@ class SceneView {
     }
     this.coming ??= requestAnimationFrame(() => {
       this.coming = null;
-      this.draw(isMoving && this.isSlow ? 0.5 : Math.min(2, window.devicePixelRatio));
+      this.draw((isMoving ? this.coarse : 1) * Math.min(2, window.devicePixelRatio));
     });
   }
 
@@ -275,7 +276,7 @@ class SceneView {
 
   async time() {
     this.drawnIn = await this.renderer.duration();
-    this.isSlow = this.drawnIn > SLOW_MS;
+    this.coarse = Math.max(COARSEST, Math.min(1, Math.sqrt(SLOW_MS / this.drawnIn)));
     this.root.dataset.drawnMs = String(Math.round(this.drawnIn));
   }
 
