@@ -37,6 +37,7 @@ from service.api.safe_headers import SafeHeaders
 from service.dashboard import (
     analysis_page,
     assets,
+    compare_page,
     diagnosis_page,
     login,
     pages,
@@ -105,6 +106,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(diagnosis_page.router)
     app.include_router(report_page.router)
     app.include_router(scene_routes.router)
+    app.include_router(compare_page.router)
     app.include_router(assets.router)
     install_handlers(app)
     large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH, geometries.GEOMETRIES_PATH)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from service.dashboard.formats import round_step
 from service.db.models import DesignRow
 
 # Of the drawing, in its own units; what is left of it is the plot.
@@ -94,8 +95,6 @@ def draw_angles(
 
 def _round_numbers(low: float, high: float) -> list[float]:
     """Multiples of 1, 2 or 5 times a power of ten between the two, about TICKS of them."""
-    raw = max(high - low, 1e-9) / TICKS
-    power = 10.0 ** math.floor(math.log10(raw))
-    step = next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= raw)
+    step = round_step(max(high - low, 1e-9) / TICKS)
     first = math.ceil(low / step - 1e-9)
     return [round(k * step, 10) for k in range(first, math.floor(high / step + 1e-9) + 1)]

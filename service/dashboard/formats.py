@@ -62,6 +62,12 @@ def parameter(value: float | None) -> str:
     return f"{value:.2f}" if abs(value * 100 - round(value * 100)) < 1e-6 else f"{value:.3f}"
 
 
+def round_step(raw: float) -> float:
+    """The least of 1, 2 and 5 times a power of ten that is not below `raw`."""
+    power = 10.0 ** math.floor(math.log10(raw))
+    return next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= raw * (1.0 - 1e-9))
+
+
 def percent(share: float | None) -> str:
     """97 %; near the ends with a digit, so that 99.6 is not shown as certain."""
     if share is None:
