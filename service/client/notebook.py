@@ -336,7 +336,11 @@ class Talus:
         data_set = self.client.create_data_set(
             place.resolve().name[:100], read_tables(place, is_plan), is_plan
         )
-        asked = {"data_set": data_set["id"], **fields}
+        return self.diagnose_stored(data_set["id"], **fields)
+
+    def diagnose_stored(self, data_set: int, **fields: Any) -> Diagnosis:
+        """The same of a data set that was uploaded before."""
+        asked = {"data_set": data_set, **fields}
         return Diagnosis(self.client, self.client.create_diagnosis(asked))
 
     def diagnosis(self, number: int) -> Diagnosis:

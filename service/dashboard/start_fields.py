@@ -12,7 +12,7 @@ from typing import Any
 from demcore.experiments.charge_case import charge_names
 from demcore.material import load_material, material_names
 from service.dashboard.words import parameter_name
-from service.db.models import DataSetRow
+from service.db.models import DataSetRow, ModelVersionRow
 from service.domain.diagnosis import CONTACT_MODELS
 from service.domain.search_space import PAPER_PARAMETERS
 from service.domain.strategy import STRATEGIES
@@ -57,15 +57,12 @@ class FieldGroup:
     is_advanced: bool = False
 
 
-def study_fields() -> tuple[FieldGroup, ...]:
-    """Of POST /v1/studies."""
+def study_fields(versions: Sequence[ModelVersionRow] = ()) -> tuple[FieldGroup, ...]:
+    """Of POST /v1/studies. `versions`: of the model, that may be used."""
     choices = {
         "material": tuple((name, _material(name)) for name in material_names()),
-        "strategy": tuple(
-            (name, f"{name.replace('_', ' ')}: {told}")
-            for name, told in STRATEGIES.items()
-            if name != "table"
-        ),
+        "strategy": tuple((name, f"{name.replace('_', ' ')}: {told}") for name, told in STRATEGIES.items()),
+        "model_version": (("", "baseline"), *((row.name, row.name) for row in versions)),
     }
     groups = _groups("study", choices)
     return tuple(replace(g, fields=_ranges()) if g.title == SEARCHED else g for g in groups)

@@ -21,13 +21,14 @@ from service.db import read_diagnoses
 
 router = APIRouter(include_in_schema=False, route_class=PageRoute, prefix="/new")
 
-MOST_DATA_SETS = 100
+MOST_OFFERED = 100
 ChosenSet = Annotated[int | None, Query(ge=1, le=LARGEST_ID)]
 
 
 @dataclass(frozen=True)
 class Form:
-    """`path` takes the request, `estimate` says what it would cost; `call` is the Python client's method."""
+    """`path` takes the request, `estimate` says what it would cost; `call` is the notebook client's method, which
+    takes the field `first` by its place and the others by name."""
 
     key: str
     title: str
@@ -36,6 +37,7 @@ class Form:
     estimate: str | None
     call: str
     button: str
+    first: str = ""
 
 
 FORMS = (
@@ -45,8 +47,9 @@ FORMS = (
         "Finds the contact parameters with which a simulated pile has the repose angle of the real material.",
         "/v1/studies",
         "/v1/studies/estimate",
-        "create_study",
+        "calibrate",
         "Start the study",
+        "material",
     ),
     Form(
         "charge",
@@ -54,8 +57,9 @@ FORMS = (
         "Charges the hopper by belt and deflector, and measures where the burden lies.",
         "/v1/charges",
         "/v1/charges/estimate",
-        "create_charges",
+        "start_charges",
         "Start the charges",
+        "charge",
     ),
     Form(
         "measurement",
@@ -63,7 +67,7 @@ FORMS = (
         "Stores measured piles. Every bad cell is named; nothing is computed yet.",
         "/v1/measurements",
         None,
-        "create_data_set",
+        "client.create_data_set",
         "Upload",
     ),
     Form(
@@ -72,17 +76,20 @@ FORMS = (
         "Compares measured piles with simulated ones, and names the cause of a difference where the data allow.",
         "/v1/diagnoses",
         "/v1/diagnoses/estimate",
-        "create_diagnosis",
+        "diagnose_stored",
         "Start the diagnosis",
+        "data_set",
     ),
 )
 BY_KEY = {form.key: form for form in FORMS}
 
 
 @router.get("/study")
-def new_study() -> Response:
+def new_study(request: Request) -> Response:
     """Of a calibration."""
-    return _page("study", study_fields())
+    with database_of(request).reading() as session:
+        versions = read_diagnoses.list_model_versions(session, MOST_OFFERED, None)
+    return _page("study", study_fields([row for row in versions if row.withdrawn_at is None]))
 
 
 @router.get("/charge")
@@ -101,7 +108,7 @@ def new_measurement() -> Response:
 def new_diagnosis(request: Request, data_set: ChosenSet = None) -> Response:
     """Of a diagnosis of a stored data set; `data_set`: the one to begin with."""
     with database_of(request).reading() as session:
-        stored = read_diagnoses.list_data_sets(session, MOST_DATA_SETS, None)
+        stored = read_diagnoses.list_data_sets(session, MOST_OFFERED, None)
     return _page(
         "diagnosis", diagnosis_fields([row for row in stored if row.facts.get("can_be_diagnosed")], data_set)
     )

@@ -12,9 +12,12 @@ from sqlalchemy import select
 
 from service.db.models import ChargeRow, DataSetRow, DiagnosisRow, StudyRow
 from service.db.session import Database
+from service.domain.search_space import PAPER_PARAMETERS
 from tests.browser.axe import serious_faults
 from tests.browser.chromium import PHONE, wait_until
 from tests.builders.diagnoses import CONDITIONS, OBSERVATIONS, a_data_set, tables
+from tests.builders.studies import a_finished_study
+from tests.service.test_model_versions import a_version
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -60,29 +63,41 @@ def test_a_study_starts_once_however_often_the_button_is_pressed(
     told = re.search(r"-d '(.*)'", page.locator("#curl").inner_text())
     assert told is not None and json.loads(told[1]) == sent
     code = page.locator("#python").inner_text()
-    printed: list[object] = []
-
-    class Client:
-        def __init__(self, url: str) -> None:
-            assert url.startswith("http://127.0.0.1:")
-
-        def __enter__(self) -> Client:
-            return self
-
-        def __exit__(self, *_: object) -> None:
-            pass
-
-        def create_study(self, body: object) -> None:
-            printed.append(body)
-
-    exec(code.replace("from service.client.rest import Client", ""), {"Client": Client})
-    assert printed == [sent]
+    # What is printed is run as it stands: the same request, a study of its own.
+    exec(code, {})
+    (printed,) = stored(sqlite_database, StudyRow)
+    assert printed["material"] == "coke" and printed["budget"] == 14
     page.locator("#go").dblclick()
-    page.wait_for_url("**/studies/1")
-    (study,) = stored(sqlite_database, StudyRow)
+    page.wait_for_url("**/studies/2")
+    _, study = stored(sqlite_database, StudyRow)
+    assert study["spec"] == printed["spec"]
     assert study["budget"] == 14 and study["material"] == "coke"
     assert study["spec"]["variables"]["rolling_resistance"]["upper"] == 0.5  # type: ignore[index]
     assert study["idempotency_key"]
+
+
+def test_what_is_known_already_goes_into_a_study(
+    page: Page, faults: Faults, sqlite_database: Database, tmp_path: Path
+) -> None:
+    version = a_version(sqlite_database, {"density": 0.1})
+    a_version(sqlite_database, {"size_shift": 0.1}, withdrawn=True)
+    earlier = a_finished_study(sqlite_database)
+    table = tmp_path / "designs.csv"
+    names = list(PAPER_PARAMETERS)
+    table.write_text(",".join(names) + "\n0.5,0.5,0.3,0.2\n")
+    page.goto("/new/study")
+    page.locator("summary", has_text="What is known already").click()
+    choices = page.get_by_label("Model version").locator("option").all_inner_texts()
+    assert choices == ["baseline", version]
+    page.get_by_label("Table of designs").set_input_files(table)
+    page.get_by_label("Start from studies").fill(f"{earlier}")
+    wait_until(page, "document.getElementById('python').textContent.includes('table_csv=')")
+    assert f"warm_start=[{earlier}]" in page.locator("#python").inner_text()
+    table.write_text(",".join(names) + "\n0.5,0.5,0.3\n")
+    page.get_by_label("Table of designs").set_input_files(table)
+    page.locator('[data-path="table_csv"] .refused').wait_for()
+    assert all("422" in fault for fault in faults.found)
+    faults.found.clear()
 
 
 def test_a_refusal_stands_at_its_field_and_goes_when_it_is_mended(

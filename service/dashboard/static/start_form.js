@@ -2,7 +2,8 @@
 // and Python, and sends it once, however often the button is pressed.
 
 const form = document.getElementById("start");
-const { post, estimate, call } = form.dataset;
+const { post, estimate, call, first } = form.dataset;
+const isUpload = !first;
 const fields = [...form.querySelectorAll(".field")].map((box) => ({
   box,
   path: box.dataset.path,
@@ -99,16 +100,18 @@ function printUpload(body) {
   const made = `{name: $name, tables: {${shown.map((name, k) => `"${name}": $t${k}`).join(", ")}}}`;
   const name = body.name ?? "my piles";
   find("curl").textContent = `jq -n --arg name ${quoted(name)} ${raw} \\\n  ${quoted(made)} |\ncurl -X POST ${window.location.origin}${post} \\\n  -H 'Content-Type: application/json' -d @-`;
-  find("python").textContent = `from pathlib import Path\nfrom service.client.rest import Client\n\nnames = ${python(shown)}\nwith Client(${python(window.location.origin)}) as client:\n    answer = client.${call}(${python(name)}, {name: Path(name).read_text() for name in names})`;
+  find("python").textContent = `from pathlib import Path\nfrom service.client.notebook import Talus\n\nnames = ${python(shown)}\nwith Talus(${python(window.location.origin)}) as talus:\n    answer = talus.${call}(${python(name)}, {name: Path(name).read_text() for name in names})`;
 }
 
 function print(body) {
-  if (call === "create_data_set") {
+  if (isUpload) {
     printUpload(body);
     return;
   }
   find("curl").textContent = `curl -X POST ${window.location.origin}${post} \\\n  -H 'Content-Type: application/json' \\\n  -d ${quoted(JSON.stringify(body))}`;
-  find("python").textContent = `from service.client.rest import Client\n\nwith Client(${python(window.location.origin)}) as client:\n    answer = client.${call}(${python(body, "    ")})`;
+  const named = Object.entries(body).filter(([name]) => name !== first).map(([name, value]) => `${name}=${python(value, "        ")}`);
+  const given = [python(body[first] ?? null), ...named].map((text) => `\n        ${text},`).join("");
+  find("python").textContent = `from service.client.notebook import Talus\n\nwith Talus(${python(window.location.origin)}) as talus:\n    started = talus.${call}(${given}\n    )\n    print(started)`;
 }
 
 function send(path, body, headers = {}) {
@@ -209,7 +212,7 @@ async function start() {
   button.disabled = false;
 }
 
-const next = (location, told) => (call === "create_data_set" ? `/new/diagnosis?data_set=${told.id}` : location.replace(/^\/v1/, ""));
+const next = (location, told) => (isUpload ? `/new/diagnosis?data_set=${told.id}` : location.replace(/^\/v1/, ""));
 
 async function readFiles() {
   const chosen = fields.filter(({ kind, input }) => kind === "file" && input.files.length);
