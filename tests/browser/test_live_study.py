@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -116,9 +117,26 @@ def test_a_lost_connection_is_said_and_mends_itself(
     faults.is_server_away = True
     server.stop()
     page.wait_for_selector("#banner:has-text('connection to Talus is lost')")
+    told = page.locator("#banner").inner_text()
+    assert re.search(r"stale, from \d{1,2}:\d\d:\d\d", told), told
+    assert page.locator("#live-text").inner_text() == "stale: connection lost"
+    assert page.locator("body.stale").count() == 1
     piles.finish_running(sqlite_database, study_id, 25.1)
     server.start()
     page.wait_for_selector("#live[data-state=live]", timeout=30_000)
     page.wait_for_selector("#design-5:has-text('25.10°')")
-    assert page.locator("#banner").is_hidden()
+    assert page.locator("#banner").is_hidden() and page.locator("body.stale").count() == 0
     wait_for_points(page, 5)
+
+
+def test_a_list_that_gets_no_answer_is_marked_stale(
+    page: Page, server: Server, faults: Faults, sqlite_database: Database
+) -> None:
+    page.goto("/charges")
+    page.wait_for_selector("#live[data-state=live]")
+    faults.is_server_away = True
+    server.stop()
+    page.wait_for_selector("body.stale")
+    assert "stale, from" in page.locator("#banner").inner_text()
+    server.start()
+    page.wait_for_selector("body:not(.stale)")

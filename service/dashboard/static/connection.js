@@ -2,8 +2,17 @@
 
 import { timeNow } from "./clock.js";
 
-const TEXTS = { live: "live", over: "finished", lost: "connection lost", wait: "connecting" };
-let lostSince = null;
+const TEXTS = { live: "live", over: "finished", lost: "stale: connection lost", wait: "connecting" };
+let isLost = false;
+let heard = { at: performance.now(), told: timeNow() };
+
+/** Something came from the service: the page is as of now. */
+export function hear() {
+  heard = { at: performance.now(), told: timeNow() };
+}
+
+/** For how long nothing came. */
+export const silentMs = () => performance.now() - heard.at;
 
 export function showConnection(state) {
   const place = document.getElementById("live");
@@ -14,11 +23,11 @@ export function showConnection(state) {
     document.getElementById("live-text").textContent = TEXTS[state];
   }
   if (state === "lost") {
-    lostSince ??= timeNow();
-    banner.textContent = `The connection to Talus is lost. What you see is from ${lostSince}; trying again by itself.`;
+    isLost = true;
+    banner.textContent = `The connection to Talus is lost. What you see is stale, from ${heard.told}; trying again by itself.`;
   } else if (state !== "wait") {
-    lostSince = null;
+    isLost = false;
   }
-  banner.hidden = lostSince === null;
-  document.body.classList.toggle("stale", lostSince !== null);
+  banner.hidden = !isLost;
+  document.body.classList.toggle("stale", isLost);
 }

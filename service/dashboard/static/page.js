@@ -2,7 +2,7 @@
 
 import { drawCharts, startCharts } from "./charts.js";
 import { localise } from "./clock.js";
-import { showConnection } from "./connection.js";
+import { hear, showConnection, silentMs } from "./connection.js";
 import { listenToControls } from "./controls.js";
 import { applyParts, applyProgress } from "./parts.js";
 
@@ -13,6 +13,8 @@ const EVENTS = [
 ];
 const GATHER_MS = 120; // events come in bursts: one question for all of them
 const RETRY_MS = 4000;
+const ANSWER_MS = 15000; // an answer that takes longer does not come
+const SILENCE_MS = 30000; // a stream may be dead without a word: after this long the parts are asked for
 const PATIENCE_MS = 2500; // a reconnection shorter than this is not worth a word
 
 const settings = document.body.dataset;
@@ -30,7 +32,7 @@ async function fetchParts() {
   if (settings.events) {
     address.searchParams.set("after", cursor);
   }
-  const answer = await fetch(address, { headers: { Accept: "application/json" } });
+  const answer = await fetch(address, { headers: { Accept: "application/json" }, signal: AbortSignal.timeout(ANSWER_MS) });
   if (!answer.ok) {
     throw new Error(`${answer.status} from ${address.pathname}`);
   }
@@ -46,6 +48,7 @@ async function refresh() {
   asking = true;
   try {
     const answer = await fetchParts();
+    hear();
     cursor = Math.max(cursor, answer.cursor);
     applyParts(answer);
     document.dispatchEvent(new CustomEvent("talus:parts", { detail: answer }));
@@ -82,6 +85,7 @@ function settle() {
 }
 
 function onEvent(event) {
+  hear();
   const id = Number(event.lastEventId);
   heard = Math.max(heard, id);
   if (id > cursor) {
@@ -90,6 +94,7 @@ function onEvent(event) {
 }
 
 function onProgress(event) {
+  hear();
   const told = JSON.parse(event.data);
   const isOurs = !settings.number || Number(settings.number) === told.number;
   if (isOurs && !applyProgress(told) && !isOver) {
@@ -123,6 +128,10 @@ function listen() {
   stream.addEventListener("progress", onProgress);
 }
 
+function watch() {
+  setInterval(() => !isOver && silentMs() > SILENCE_MS && soon(), SILENCE_MS / 3);
+}
+
 function poll(seconds) {
   showConnection("live");
   setInterval(() => !isOver && document.visibilityState === "visible" && soon(), 1000 * seconds);
@@ -136,6 +145,7 @@ if (isOver) {
 } else if (settings.events) {
   showConnection("wait");
   listen();
+  watch();
 } else if (settings.pollSeconds) {
   poll(Number(settings.pollSeconds));
 }
