@@ -12,6 +12,7 @@
 #   make secure                                                  risky calls, secrets, known holes
 #   make test | slow | lint                                      the tests, the long tests, the linters
 #   make test-browser                                            the pages in Debian's chromium
+#   make pictures [DATA="folder ..."] [URL=...]                  docs/pictures, of real runs (makes some, or of DATA)
 #   make setup | dev                                             only the environment: to run, to develop
 #   make lock                                                    bring both lock files up to date
 #   make clean                                                   remove .venv and caches (not var/, the data)
@@ -35,6 +36,8 @@ SCALE ?=
 BUDGET ?=
 SEED ?=
 OUT ?=
+DATA ?=
+URL ?=
 TESTS ?=
 
 .PHONY: help setup dev demo charge compare-workers serve test test-browser slow faults outages load secure lint lock clean
@@ -77,6 +80,9 @@ test: $(DEV)
 
 test-browser: $(DEV)
 	@$(BIN)/python -m pytest -m browser --numprocesses 0 tests/browser $(TESTS)
+
+pictures: $(DEV)
+	@$(BIN)/python -m tests.browser.take_pictures $(if $(DATA),--data $(DATA)) $(if $(URL),--url "$(URL)")
 
 slow: $(DEV)
 	@$(BIN)/python -m pytest -m "slow or browser" $(TESTS)

@@ -304,11 +304,13 @@ def _charge_side(page: ChargePage) -> Side:
 def _version_side(session: Session, row: ModelVersionRow) -> Side:
     diagnosis = session.get(DiagnosisRow, row.diagnosis_id)
     gain = ((diagnosis.results if diagnosis is not None else None) or {}).get("gain") or {}
-    told = gain.get("text") if isinstance(gain, Mapping) else None
+    told = None
+    if {"rmse_before", "rmse_after"} <= set(gain):
+        told = f"misfit {gain['rmse_before']:.3g} before, {gain['rmse_after']:.3g} with the effects"
     facts = [
         ("Simulator", row.base),
         ("Found by", f"diagnosis {row.diagnosis_id}"),
-        *([("Gain on what was held out", str(told))] if told else []),
+        *([("On what was held out", told)] if told else []),
         ("State", "in use" if row.withdrawn_at is None else "withdrawn"),
     ]
     return Side(row.name, f"/diagnoses/{row.diagnosis_id}", facts)

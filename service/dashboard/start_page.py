@@ -81,6 +81,7 @@ FORMS = (
         "data_set",
     ),
 )
+NO_DATA = ("No measured data that can be diagnosed is stored yet:", "/new/measurement", "upload it first")
 BY_KEY = {form.key: form for form in FORMS}
 
 
@@ -109,10 +110,10 @@ def new_diagnosis(request: Request, data_set: ChosenSet = None) -> Response:
     """Of a diagnosis of a stored data set; `data_set`: the one to begin with."""
     with database_of(request).reading() as session:
         stored = read_diagnoses.list_data_sets(session, MOST_OFFERED, None)
-    return _page(
-        "diagnosis", diagnosis_fields([row for row in stored if row.facts.get("can_be_diagnosed")], data_set)
-    )
+    usable = [row for row in stored if row.facts.get("can_be_diagnosed")]
+    return _page("diagnosis", diagnosis_fields(usable, data_set), None if usable else NO_DATA)
 
 
-def _page(key: str, groups: Sequence[FieldGroup]) -> Response:
-    return page("start.html", form=BY_KEY[key], forms=FORMS, groups=groups)
+def _page(key: str, groups: Sequence[FieldGroup], lead: tuple[str, str, str] | None = None) -> Response:
+    """`lead`: what must come before, its address and its name."""
+    return page("start.html", form=BY_KEY[key], forms=FORMS, groups=groups, lead=lead)

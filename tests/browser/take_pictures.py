@@ -1,110 +1,226 @@
-"""Renews docs/pictures from a service that runs: `python -m tests.browser.take_pictures [--url ...] [--study N]`.
+"""Renews docs/pictures: every page at a laptop's and a phone's size. `make pictures [DATA="dir ..."] [URL=...]`
 
-Run it after `make demo` while `make serve` runs, so that the pictures show a real study; a finished charge is
-shown too. `--only charges` leaves the pictures of studies as they are.
+From real runs: of data folders (which are copied, never written to), of a service that runs, or, where neither is
+named, of a small installation that is made for it: a study of the pellet and a charge of coke, as coarse as
+they may be, through the service (minutes; `--budget`, `--charge-scale`). A page is taken from the first place that
+has it.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import sqlite3
+import tempfile
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import httpx
 from PIL import Image
 
+from service.client.local_service import running_service
+from service.client.notebook import Talus
+from service.db.migrate import upgrade
+from service.db.presence import report_presence
+from service.db.session import Database
+from service.settings import Settings
 from tests.browser.chromium import LAPTOP, PHONE, missing, running_chromium, wait_until
+from tests.builders.server import Server
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 MOST_BYTES = 300_000
+# Up to this size without loss, beyond it with a palette.
+LOSSLESS_BYTES = 200_000
 COLOURS = 256
+# Charts and 3D views are drawn, or say that they have nothing to draw; a cost has been told.
 SETTLED = """[...document.querySelectorAll("[data-chart]")].every(
-  (box) => box.querySelector(".main-svg, .chart-state") && !box.textContent.includes("Drawing"))"""
+  (box) => box.querySelector(".main-svg, .chart-state") && !box.textContent.includes("Drawing"))
+  && [...document.querySelectorAll("[data-scene]")].every((box) => box.dataset.drawn !== undefined
+    || !box.querySelector('[data-part="state"]').textContent.includes("oading"))
+  && document.getElementById("cost")?.textContent !== "…" """
+DARK = ("study", "charge")
 
 
-def take(
-    browser: Browser, address: str, name: str, size: tuple[int, int] = LAPTOP, scheme: str = "light"
-) -> None:
-    """One page as docs/pictures/NAME.png; it has settled when its charts are drawn and its picture is there."""
+@dataclass(frozen=True)
+class Shot:
+    """A page by the name of its picture."""
+
+    name: str
+    path: str
+
+
+def shots_of(url: str) -> list[Shot]:
+    """The pages that a service has something to show on."""
+    found = [
+        Shot("overview", "/"),
+        *(Shot(f"new_{key}", f"/new/{key}") for key in ("study", "charge", "diagnosis")),
+    ]
+    found.append(Shot("new_measurement", "/new/measurement"))
+    studies = _items(url, "/v1/studies?limit=50")
+    over = [item["id"] for item in studies if item["recommendation"]] or [item["id"] for item in studies]
+    if over:
+        design, other = _designs(url, over[0])
+        found += [
+            Shot("study", f"/studies/{over[0]}"),
+            Shot("analysis", f"/studies/{over[0]}/analysis"),
+            Shot("report_study", f"/studies/{over[0]}/report"),
+            Shot("design", f"/designs/{design}"),
+            Shot("compare_piles", f"/compare?kind=design&a={design}&b={other}"),
+        ]
+    if len(over) > 1:
+        found.append(Shot("compare_studies", f"/compare?kind=study&a={over[0]}&b={over[1]}"))
+    charges = [item["id"] for item in _items(url, "/v1/charges") if item["findings"]]
+    if charges:
+        found += [Shot("charges", "/charges"), Shot("charge", f"/charges/{charges[0]}")]
+    diagnoses = [item["id"] for item in _items(url, "/v1/diagnoses") if item["result"]]
+    if diagnoses:
+        found += [Shot("diagnoses", "/diagnoses"), Shot("diagnosis", f"/diagnoses/{diagnoses[0]}")]
+        found.append(Shot("report_diagnosis", f"/diagnoses/{diagnoses[0]}/report"))
+    return found
+
+
+def _items(url: str, path: str) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = httpx.get(url + path).json()["items"]
+    return found
+
+
+def _designs(url: str, study: int) -> tuple[int, int]:
+    """The first recommended design and another one, else the first two with an angle."""
+    told = httpx.get(f"{url}/v1/studies/{study}").json()["recommendation"] or {}
+    items = _items(url, f"/v1/studies/{study}/designs?limit=200")
+    seen = [item for item in items if item["angle_deg"] is not None]
+    best = [item for item in seen if item["number"] in told.get("numbers", [])] or seen
+    others = [item for item in seen if item["id"] != best[0]["id"]] or best
+    return int(best[0]["id"]), int(others[-1]["id"])
+
+
+def take(browser: Browser, address: str, name: str, size: tuple[int, int], scheme: str = "light") -> None:
+    """One page as docs/pictures/NAME.png, once it has settled."""
     context = browser.new_context(
         viewport={"width": size[0], "height": size[1]},
         color_scheme="dark" if scheme == "dark" else "light",
         reduced_motion="reduce",
+        locale="en-GB",
+        timezone_id="UTC",
     )
     page = context.new_page()
-    page.goto(address, wait_until="load")
-    wait_until(page, SETTLED)
-    page.wait_for_timeout(800)
+    page.goto(address, wait_until="load", timeout=120_000)
+    wait_until(page, SETTLED, 120.0)
+    page.wait_for_timeout(1000)
     path = PICTURES / f"{name}.png"
     page.screenshot(path=path)
     context.close()
     shrink(path)
-    print(f"{path.relative_to(PICTURES.parents[1])}  {path.stat().st_size // 1000} kB")
+    print(f"{path.relative_to(PICTURES.parents[1])}  {path.stat().st_size // 1000} kB", flush=True)
 
 
 def shrink(path: Path) -> None:
     """Without loss where that is small enough, else with a palette."""
     picture = Image.open(path).convert("RGB")
     picture.save(path, optimize=True)
-    if path.stat().st_size > MOST_BYTES:
-        picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    if path.stat().st_size > LOSSLESS_BYTES:
+        picture.quantize(COLOURS, dither=Image.Dither.FLOYDSTEINBERG).save(path, optimize=True)
     if path.stat().st_size > MOST_BYTES:
         raise SystemExit(f"{path} has {path.stat().st_size} bytes, allowed are {MOST_BYTES}")
 
 
-def latest_study(url: str) -> int:
-    """The newest study that is over, else the newest."""
-    items = httpx.get(f"{url}/v1/studies").json()["items"]
-    if not items:
-        raise SystemExit("There is no study yet: run `make demo` first.")
-    return int(next((item for item in items if item["ended_at"]), items[0])["id"])
+@contextmanager
+def serving_copy(folder: Path) -> Iterator[str]:
+    """The URL of a service over a copy of a data folder: its database copied, its files only looked at."""
+    if not (folder / "talus.db").is_file():
+        raise SystemExit(f"{folder} has no talus.db: it is no data folder of Talus.")
+    with tempfile.TemporaryDirectory(prefix="talus-pictures-") as name:
+        copy = Path(name)
+        source = sqlite3.connect(f"file:{folder / 'talus.db'}?mode=ro", uri=True)
+        target = sqlite3.connect(copy / "talus.db")
+        source.backup(target)
+        source.close()
+        target.close()
+        for part in ("artifacts", "geometries"):
+            if (folder / part).is_dir():
+                (copy / part).symlink_to((folder / part).resolve())
+        settings = Settings(data_dir=copy, database_url=f"sqlite:///{copy / 'talus.db'}")
+        upgrade(settings.resolved_database_url)
+        database = Database(settings.resolved_database_url)
+        server = Server(settings)
+        server.start()
+        over = threading.Event()
+        reporting = threading.Thread(target=_be_present, args=(database, over))
+        reporting.start()
+        try:
+            yield server.url
+        finally:
+            over.set()
+            reporting.join()
+            server.stop()
+            database.dispose()
 
 
-def shown_design(url: str, study: int) -> int:
-    """The recommended design, else the first one with an angle."""
-    found = httpx.get(f"{url}/v1/studies/{study}").json()["recommendation"] or {}
-    numbers = found.get("numbers", [])
-    items = httpx.get(f"{url}/v1/studies/{study}/designs").json()["items"]
-    rows = [row for row in items if row["angle_deg"] is not None]
-    return int(next((row for row in rows if row["number"] in numbers), rows[0])["id"])
+def _be_present(database: Database, over: threading.Event) -> None:
+    """The pictures are of the pages of an installation that runs, and a copy has no processes."""
+    while True:
+        for role in ("worker", "dispatcher"):
+            with database.writing() as session:
+                report_presence(session, f"picture-{role}", role, "here", os.getpid())
+        if over.wait(5.0):
+            return
 
 
-def latest_charge(url: str) -> int | None:
-    """The newest charge with results; None: there is none."""
-    items = httpx.get(f"{url}/v1/charges").json()["items"]
-    return next((int(item["id"]) for item in items if item["findings"]), None)
-
-
-def take_studies(browser: Browser, url: str, study: int) -> None:
-    """The overview, a study's page in three ways, and one of its designs."""
-    design = shown_design(url, study)
-    take(browser, f"{url}/", "overview")
-    take(browser, f"{url}/studies/{study}", "study")
-    take(browser, f"{url}/studies/{study}", "study_dark", scheme="dark")
-    take(browser, f"{url}/studies/{study}", "study_phone", PHONE)
-    take(browser, f"{url}/designs/{design}", "design")
+@contextmanager
+def small_installation(budget: int, charge_scale: float) -> Iterator[str]:
+    """The URL of a service with a study and a charge that were simulated for it."""
+    with tempfile.TemporaryDirectory(prefix="talus-pictures-") as name:
+        settings = Settings(data_dir=Path(name))
+        with running_service(settings) as service, Talus(service.url) as talus:
+            service.wait_for("database", "schema", "broker", "workers")
+            study = talus.calibrate("pellet", scale=4, budget=budget, initial_designs=min(4, budget))
+            (charge,) = talus.start_charges("coke", scale=charge_scale, seeds=[1], frame_seconds=2.0)
+            print(f"simulating: {study.url}, {charge.url}", flush=True)
+            study.wait()
+            charge.wait()
+            yield service.url
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--url", default="http://127.0.0.1:8642")
-    parser.add_argument("--study", type=int, help="default: the newest that is over")
-    parser.add_argument("--only", choices=("studies", "charges"), help="default: both")
+    parser.add_argument("--data", nargs="*", type=Path, default=[], help="data folders to look at")
+    parser.add_argument("--url", help="a service that runs")
+    parser.add_argument("--only", nargs="*", help="names of pictures, default: all")
+    parser.add_argument("--budget", type=int, default=8)
+    parser.add_argument("--charge-scale", type=float, default=16.0)
     options = parser.parse_args()
     reason = missing()
     if reason is not None:
         raise SystemExit(reason)
-    url = options.url.rstrip("/")
     PICTURES.mkdir(parents=True, exist_ok=True)
-    with running_chromium() as browser:
-        if options.only != "charges":
-            take_studies(browser, url, options.study or latest_study(url))
-        charge = None if options.only == "studies" else latest_charge(url)
-        if charge is not None:
-            take(browser, f"{url}/charges/{charge}", "charge")
+    with ExitStack() as stack:
+        urls = [options.url.rstrip("/")] if options.url else []
+        urls += [stack.enter_context(serving_copy(folder)) for folder in options.data]
+        if not urls:
+            urls = [stack.enter_context(small_installation(options.budget, options.charge_scale))]
+        browser = stack.enter_context(running_chromium())
+        take_all(browser, urls, options.only)
+
+
+def take_all(browser: Browser, urls: Sequence[str], only: Sequence[str] | None) -> None:
+    """Each page once, in two sizes, some in the dark too."""
+    done = set[str]()
+    for url in urls:
+        for shot in shots_of(url):
+            if shot.name in done or (only and shot.name not in only):
+                continue
+            done.add(shot.name)
+            take(browser, url + shot.path, shot.name, LAPTOP)
+            take(browser, url + shot.path, f"{shot.name}_phone", PHONE)
+            if shot.name in DARK:
+                take(browser, url + shot.path, f"{shot.name}_dark", LAPTOP, "dark")
 
 
 if __name__ == "__main__":

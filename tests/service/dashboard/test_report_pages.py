@@ -10,16 +10,18 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
+from sqlalchemy import select
 
 from service.api.study_body import StudyBody
 from service.client.commands import REPORTS
 from service.client.rest import Client, RefusedError
 from service.dashboard.angle_plot import HEIGHT, WIDTH, draw_angles
 from service.dashboard.report_page import policy, style
-from service.db.models import DesignRow, DiagnosisRow
+from service.db.models import DesignRow, DiagnosisRow, ReportRow
 from service.db.session import Database
 from service.domain.spec_record import request_of, spec_from_record
 from service.domain.states import DesignState, Verdict
+from tests.builders import piles
 from tests.builders.diagnoses import a_data_set, a_diagnosis
 from tests.service.dashboard.test_diagnosis_pages import OUTLOOK, RESULT
 
@@ -135,3 +137,16 @@ def test_points_of_the_drawing_are_where_their_numbers_are() -> None:
     assert all(0.0 <= p.x <= WIDTH and 0.0 <= p.y <= HEIGHT for p in plot.points)
     assert [text for _, text in plot.y_ticks] == ["20", "22", "24", "26", "28", "30"]
     assert draw_angles([], (24.0, 26.0), 25.0, ()) is None
+
+
+def test_a_report_that_knows_less_than_the_study_is_drawn_all_the_same(
+    client: TestClient, sqlite_database: Database
+) -> None:
+    """An imported study's report is whatever its file held."""
+    study_id = piles.a_finished_study(sqlite_database, certified=True)
+    with sqlite_database.writing() as session:
+        row = session.scalars(select(ReportRow)).one()
+        known = row.content["posterior"]
+        row.content = {**row.content, "posterior": {**known, "parameters": known["parameters"][:1]}}
+    text = client.get(f"/studies/{study_id}/report").text
+    assert "<td>identified</td>" in text and text.count("<td>–</td>") >= 2

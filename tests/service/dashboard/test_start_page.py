@@ -138,3 +138,11 @@ def test_a_diagnosis_begins_with_the_set_that_was_just_uploaded(
     first = a_data_set(sqlite_database)
     assert f'<option value="{first}" selected>' in client.get(f"/new/diagnosis?data_set={first}").text
     assert client.get("/new/diagnosis?data_set=x").status_code == 422
+
+
+def test_without_measured_data_a_diagnosis_says_what_comes_first(
+    client: TestClient, sqlite_database: Database
+) -> None:
+    assert 'href="/new/measurement">upload it first' in client.get("/new/diagnosis").text
+    a_data_set(sqlite_database)
+    assert "upload it first" not in client.get("/new/diagnosis").text
