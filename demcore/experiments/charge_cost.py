@@ -12,13 +12,15 @@ DAY = 86_400.0
 
 
 class Rate(NamedTuple):
-    """What a machine does: particle-steps a second between two searches for neighbours, and how long a search of
-    so many grains takes, s (0: the particle-steps include it). `source` says where the numbers come from."""
+    """What a machine does: particle-steps a second between two searches for neighbours, how long a search of so
+    many grains takes, s (0: the particle-steps include it), and what a step costs whatever its grains are, s (0:
+    as for the search). `source` says where the numbers come from."""
 
     particle_steps: float
     search_seconds: float = 0.0
     grains: int = 1
     source: str = "as measured here"
+    step_seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,11 @@ class Cost:
     def seconds(self) -> float:
         """Of wall clock. A search of few grains takes as long as that of the bed on which it was timed."""
         search = self.rate.search_seconds * max(1.0, self.present / self.rate.grains)
-        return self.particle_steps / self.rate.particle_steps + self.searches * search
+        return self._moving_seconds + self.searches * search
+
+    @property
+    def _moving_seconds(self) -> float:
+        return self.particle_steps / self.rate.particle_steps + self.steps * self.rate.step_seconds
 
     def sentence(self) -> str:
         """For a person, with a warning where it would take days."""
@@ -49,7 +55,7 @@ class Cost:
             search = f" and {1e3 * self.rate.search_seconds:.1f} ms for each of {self.searches} searches"
         told = (
             f"about {self.particles} grains, {self.steps} steps, {self.particle_steps:.1e} particle-steps; at "
-            f"{self.rate.particle_steps:.1e} a second{search}, {self.rate.source}, {_duration(self.seconds)}"
+            f"{self.particle_steps / self._moving_seconds:.1e} a second{search}, {self.rate.source}, {_duration(self.seconds)}"
         )
         if self.seconds < DAY:
             return told

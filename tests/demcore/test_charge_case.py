@@ -125,6 +125,9 @@ def test_the_cost_counts_grains_from_when_they_come():
 
 def test_a_charge_that_would_take_days_says_so():
     """16 times an hour: half the size. Cost falls with the 4th power of the scale."""
+    each = Cost(100, 1000, 50.0, 0, Rate(1e6, step_seconds=1e-4))
+    assert each.seconds == pytest.approx(50.0 * 1000 / 1e6 + 1000 * 1e-4)
+    assert "at 3.3e+05 a second, as measured here" in each.sentence()
     told = Cost(1_000_000, 3600, 256.0, 0, Rate(1.0, 0.0, 600)).sentence()
     assert "10.7 days" in told
     assert "THAT IS DAYS: 4 times as coarse takes an hour" in told
