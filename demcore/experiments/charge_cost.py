@@ -55,7 +55,8 @@ class Cost:
             search = f" and {1e3 * self.rate.search_seconds:.1f} ms for each of {self.searches} searches"
         told = (
             f"about {self.particles} grains, {self.steps} steps, {self.particle_steps:.1e} particle-steps; at "
-            f"{self.particle_steps / self._moving_seconds:.1e} a second{search}, {self.rate.source}, {_duration(self.seconds)}"
+            f"{self.particle_steps / self._moving_seconds:.1e} a second{search}, {self.rate.source}, "
+            f"{_duration(self.seconds)}"
         )
         if self.seconds < DAY:
             return told

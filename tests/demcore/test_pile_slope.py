@@ -28,11 +28,27 @@ def cone(angle_deg, azimuth_deg, radius):
 
 @pytest.mark.parametrize("angle", [25.0, 36.5])
 def test_a_cone_by_the_wall_has_its_angle(angle):
-    """On the side of the wall the flank is too short, the other directions are read."""
+    """On the side of the wall the flank is too short, the other directions are read. A plane through a wedge of
+    22.5 degrees reads a cone high, by less than 1 / cos(11.25 degrees): up to .5 degrees."""
     slope = pile_slope(a_surface(cone(angle, 300.0, 1.4)), 300.0, 1.4)
-    assert slope.angle_deg == pytest.approx(angle, abs=0.05)
+    assert angle < slope.angle_deg < angle + 0.2
     assert 4 <= slope.directions < 16
     assert slope.error_deg < 0.05
+
+
+@pytest.mark.parametrize("turn", [0.0, 40.0])
+def test_a_ridge_is_as_steep_as_its_flanks_and_not_as_its_crest(turn):
+    """A roof of 33 degrees whose crest falls by 6: each flank descends by atan(hypot) of the two."""
+    along, across = math.tan(math.radians(6.0)), math.tan(math.radians(33.0))
+    c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+
+    def roof(x, y):
+        u, v = (x - 0.3) * c + y * s, -(x - 0.3) * s + y * c
+        return -across * np.abs(v) - along * np.abs(u)
+
+    slope = pile_slope(a_surface(roof), 0.0, 0.3)
+    assert slope.angle_deg == pytest.approx(math.degrees(math.atan(math.hypot(along, across))), abs=0.1)
+    assert slope.directions >= 12
 
 
 def test_what_does_not_fall_or_is_floor_says_nothing():
