@@ -36,6 +36,8 @@ NUMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "far_slope_deg": ("deg", ("findings", "far_slope_deg")),
     "near_slope_deg": ("deg", ("findings", "near_slope_deg")),
     "far_share_of_mass": ("1", ("far_share_of_mass",)),
+    "far_side_size_m": ("m", ("far_side_size_m",)),
+    "near_side_size_m": ("m", ("near_side_size_m",)),
     "far_of_ridge": ("1", ("jet", "far_of_ridge")),
     "variation_of_mass": ("1", ("variation_of_mass",)),
     "variation_of_height": ("1", ("variation_of_height",)),

@@ -51,11 +51,8 @@ def _heights(summary: Mapping[str, Any], both: bool) -> Finding:
 
 
 def _sizes(summary: Mapping[str, Any], near: float | None, far: float | None) -> Finding:
-    plant, told, larger = (
-        "larger grains in the far pile, smaller in the near one",
-        "only one side has a pile",
-        None,
-    )
+    plant, larger = "larger grains in the far pile, smaller in the near one", None
+    told = "only one side has a pile" + _by_side(summary)
     if near is not None and far is not None:
         on_belt = summary["belt"]["stratification"]
         known = on_belt is not None and math.isfinite(on_belt)
@@ -63,6 +60,14 @@ def _sizes(summary: Mapping[str, Any], near: float | None, far: float | None) ->
         told += f"; height and size on the belt correlate by {on_belt:.2f}" if known else ""
         larger = far > near
     return Finding("Segregation", plant, told, larger)
+
+
+def _by_side(summary: Mapping[str, Any]) -> str:
+    """Heaps or not: the grains of the two sides. Empty for a summary from before these were told."""
+    near, far = (summary.get(f"{side}_side_size_m") for side in ("near", "far"))
+    if near is None or far is None or not (math.isfinite(near) and math.isfinite(far)):
+        return ""
+    return f"; grains on the far side {1e3 * far:.0f} mm, on the near one {1e3 * near:.0f} mm"
 
 
 def agreement(summaries: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, int]]:

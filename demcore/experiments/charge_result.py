@@ -39,10 +39,12 @@ from demcore.observables.burden import (
     find_depressions,
     find_piles,
     harmonic,
+    is_far,
     measure_sectors,
     scan_surface,
     sector_of,
     segregation,
+    side_sizes,
     variation,
 )
 from demcore.observables.pile_slope import pile_slope
@@ -149,6 +151,7 @@ class ChargeResult:
         seat = (plant.hopper.seat_radius, -plant.hopper.seat_depth)
         layer = max(BELL_LAYER, 4.0 * float(radius.max()))
         layer_mass, layer_size = bell_layer(position, radius, mass, seat, layer, SECTORS)
+        near_size, far_size = side_sizes(position, radius, mass, hatch_azimuth(plant))
         volume = float(s.volume.sum())
         return {
             "sectors": {name: getattr(s, name).tolist() for name in Sectors._fields},
@@ -165,6 +168,8 @@ class ChargeResult:
             "segregation_intensity": index,
             "segregation_of_a_random_mix": chance,
             "far_share_of_mass": far_share(position, mass, hatch_azimuth(plant)),
+            "near_side_size_m": near_size,
+            "far_side_size_m": far_size,
             "volume_m3": volume,
             "bulk_density_kg_m3": float(mass.sum()) / volume,
             "level_if_even_m": level_of(plant, volume),
@@ -217,7 +222,7 @@ class ChargeResult:
         for pile in self.piles:
             angle = math.radians(pile.azimuth_deg)
             place = np.array([[math.cos(angle), math.sin(angle), 0.0]])
-            sides["far" if far_share(place, np.ones(1), meridian) > 0.5 else "near"].append(pile)
+            sides["far" if is_far(place, meridian)[0] else "near"].append(pile)
         highest = {side: max(piles, key=lambda p: p.height, default=None) for side, piles in sides.items()}
         found: dict[str, Any] = {"piles": len(self.piles)}
         for side, chosen in highest.items():

@@ -305,13 +305,23 @@ def cause_of(azimuth_deg: float, shadows: Sequence[Shadow], otherwise: str) -> s
     return otherwise
 
 
-def far_share(position: Floats, mass: Floats, meridian_deg: float) -> float:
-    """Share of the mass on the far side (+x) of the upright plane through the axis and this azimuth."""
+def is_far(position: Floats, meridian_deg: float) -> NDArray[np.bool_]:
+    """Which of the places (N, 3 or 2) lie on the far side (+x) of the upright plane through axis and azimuth."""
     alpha = math.radians(meridian_deg)
     # What is left of x across the plane.
     normal = np.array([math.sin(alpha) ** 2, -math.sin(alpha) * math.cos(alpha)])
-    far = position[:, :2] @ normal > 0.0
-    return float(mass[far].sum() / mass.sum())
+    return np.asarray(position[:, :2] @ normal > 0.0)
+
+
+def far_share(position: Floats, mass: Floats, meridian_deg: float) -> float:
+    """Share of the mass on that side."""
+    return float(mass[is_far(position, meridian_deg)].sum() / mass.sum())
+
+
+def side_sizes(position: Floats, radius: Floats, mass: Floats, meridian_deg: float) -> tuple[float, float]:
+    """Mean diameter by mass, m, of the near and of the far side, whether they are heaps or not; nan for none."""
+    near, far = mean_size(is_far(position, meridian_deg).astype(np.int64), radius, mass, 2).tolist()
+    return near, far
 
 
 def bell_layer(

@@ -84,6 +84,8 @@ CHARGE_NUMBERS: Mapping[str, NumberWord] = {
     "near_size_m": NumberWord("Grains in the near pile", "mean diameter by mass"),
     "far_slope_deg": NumberWord("Slope of the far pile", "mean of the steepest quarter of its flanks"),
     "near_slope_deg": NumberWord("Slope of the near pile", "mean of the steepest quarter of its flanks"),
+    "far_side_size_m": NumberWord("Grains on the far side", "mean diameter by mass, heap or not"),
+    "near_side_size_m": NumberWord("Grains on the near side", "mean diameter by mass, heap or not"),
     "far_share_of_mass": NumberWord("Mass on the far side", "of the plane through axis and hatch", True),
     "far_of_ridge": NumberWord("Jet beyond the ridge", "share of the undisturbed jet, by mass", True),
     "variation_of_mass": NumberWord("Mass by sector varies by", "standard deviation over mean", True),

@@ -24,6 +24,7 @@ from demcore.observables.burden import (
     sector_middles,
     sector_of,
     segregation,
+    side_sizes,
     variation,
 )
 
@@ -194,3 +195,12 @@ def test_the_layer_at_the_bells_rim():
     mass, size = bell_layer(position, np.array([0.01, 0.02, 0.03, 0.04]), np.ones(4), (1.0, -1.0), 0.2, 4)
     assert mass.tolist() == [2.0, 0.0, 1.0, 0.0]
     assert size[[0, 2]] == pytest.approx([0.03, 0.06])
+
+
+def test_sizes_of_the_two_sides_by_mass():
+    """By hand: far grains of 10 and 30 mm weigh 1 and 3, so 25 mm; near ones 20 mm; an empty side has none."""
+    position = np.array([[1.0, 0.0, 0.0], [2.0, 1.0, 0.0], [-1.0, 0.5, 0.0]])
+    radius, mass = np.array([0.005, 0.015, 0.010]), np.array([1.0, 3.0, 7.0])
+    assert side_sizes(position, radius, mass, -90.0) == pytest.approx((0.020, 0.025))
+    near, far = side_sizes(position[:2], radius[:2], mass[:2], -90.0)
+    assert math.isnan(near) and far == pytest.approx(0.025)
