@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -112,8 +113,20 @@ class Served:
 @pytest.fixture
 def served(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Served]:
     """Started with as many workers as the test's parameter says (default none), and ended with the test."""
-    workers = getattr(request, "param", 0)
-    one = Served(Settings(data_dir=tmp_path / "data", port=free_port(), workers=workers))
+    with running(tmp_path, getattr(request, "param", 0)) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def lasting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """One for all tests that leave it as they found it, because a start is what they would mostly wait for."""
+    with running(tmp_path_factory.mktemp("lasting"), 0) as one:
+        yield one
+
+
+@contextmanager
+def running(folder: Path, workers: int) -> Iterator[Served]:
+    one = Served(Settings(data_dir=folder / "data", port=free_port(), workers=workers))
     try:
         one.start_and_wait()
         yield one
@@ -176,13 +189,13 @@ def test_sigterm_with_an_open_event_stream_ends_within_10_s(served: Served) -> N
 
 
 @pytest.mark.parametrize("word", ["valkey-server", "service.dispatcher", "uvicorn"])
-def test_what_dies_comes_back(served: Served, word: str) -> None:
-    before = served.pid_of(word)
+def test_what_dies_comes_back(lasting: Served, word: str) -> None:
+    before = lasting.pid_of(word)
     assert before is not None
     os.kill(before, signal.SIGKILL)
-    wait_until(lambda: served.pid_of(word) not in (None, before), 10, f"a new {word}")
-    wait_until(served.is_live, 30, "the API")
-    wait_until(lambda: broker.is_up(served.settings.resolved_broker_url), 10, "the broker")
+    wait_until(lambda: lasting.pid_of(word) not in (None, before), 10, f"a new {word}")
+    wait_until(lasting.is_live, 30, "the API")
+    wait_until(lambda: broker.is_up(lasting.settings.resolved_broker_url), 10, "the broker")
 
 
 @pytest.mark.parametrize("served", [1], indirect=True)
@@ -206,12 +219,13 @@ def test_a_killed_supervisor_leaves_nothing_behind(served: Served) -> None:
     served.start_and_wait()
 
 
-def test_two_supervisors_do_not_share_a_folder(served: Served) -> None:
-    other = Served(served.settings.model_copy(update={"port": free_port()})).start()
+def test_two_supervisors_do_not_share_a_folder(lasting: Served) -> None:
+    other = Served(lasting.settings.model_copy(update={"port": free_port()})).start()
     text, _ = other.communicate(timeout=30)
     assert other.returncode == 2
     assert text.count("\n") == 1
-    assert f"is in use by process {served.process.pid if served.process else None} at {served.url}" in text
+    assert f"is in use by process {lasting.process.pid if lasting.process else None} at {lasting.url}" in text
+    assert lasting.is_live()
 
 
 def test_a_taken_port_is_one_line_and_status_2(tmp_path: Path) -> None:
