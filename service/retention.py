@@ -20,7 +20,7 @@ from service.db import queries
 from service.db.models import ArtifactRow, ChargeRow, DesignRow, DiagnosisRow, JobRow, StudyRow
 from service.db.session import Database
 from service.domain.states import OPEN_JOBS
-from service.file_store import FileStore, FolderStore, ObjectStore, artifact_store, geometry_store
+from service.file_store import ASIDE, FileStore, FolderStore, ObjectStore, artifact_store, geometry_store
 from service.settings import Settings
 
 # The large ones: particles and time series. Pictures, reports and summaries stay unless they are named.
@@ -100,14 +100,15 @@ def _stored_paths(session: Session, rule: Rule) -> tuple[set[str], set[str]]:
 
 
 def _copies(store: FileStore, newest: float) -> list[Removable]:
-    """What this machine keeps of an object store; it is fetched again when it is asked for."""
+    """What this machine keeps of an object store and can fetch again, and halves of it that a killed process left.
+    What the store does not have stays: it is from before there was a store, and nowhere else."""
     if not isinstance(store, ObjectStore):
         return []
-    copies = FolderStore(store.copies)
+    copies, kept = FolderStore(store.copies), {file.name: file.size_bytes for file in store.files()}
     return [
         Removable(copies.place(file.name), file.size_bytes, COPY, partial(copies.remove, file.name))
         for file in copies.files()
-        if file.modified <= newest
+        if file.modified <= newest and (file.name.startswith(ASIDE) or kept.get(file.name) == file.size_bytes)
     ]
 
 

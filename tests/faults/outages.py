@@ -126,19 +126,9 @@ def _no_database(rig: Rig) -> Iterator[bool]:
 def _post(rig: Rig, found: Outage, accepted: Accepted, expected: int) -> None:
     key = f"meanwhile-{time.time_ns()}"
     variant = VARIANTS[sum(found.answers.values()) % len(VARIANTS)]
-    answer = _asked(
-        found,
-        lambda: httpx.post(
-            f"{rig.settings.base_url}/v1/studies",
-            json=a_request(variant),
-            headers={"Idempotency-Key": key},
-            timeout=PATIENCE_S,
-        ),
-        expected,
-    )
-    if answer is not None and answer.status_code == 201:
-        accepted.variants[key] = variant
-        accepted.ids[key] = {int(answer.json()["id"])}
+    answer = _asked(found, lambda: _send(rig, key, variant), expected)
+    if answer is not None:
+        _note(accepted, key, variant, answer)
 
 
 def _get(rig: Rig, found: Outage, expected: int) -> None:
@@ -167,16 +157,19 @@ def _asked(found: Outage, ask: Callable[[], httpx.Response], expected: int) -> h
 
 def _takes_work(rig: Rig, accepted: Accepted) -> bool:
     key = f"after-{time.time_ns()}"
-    answer = httpx.post(
-        f"{rig.settings.base_url}/v1/studies",
-        json=a_request(VARIANTS[0]),
-        headers={"Idempotency-Key": key},
-        timeout=PATIENCE_S,
-    )
-    if answer.status_code != 201:
-        return False
-    accepted.variants[key], accepted.ids[key] = VARIANTS[0], {int(answer.json()["id"])}
-    return True
+    return _note(accepted, key, VARIANTS[0], _send(rig, key, VARIANTS[0]))
+
+
+def _send(rig: Rig, key: str, variant: int) -> httpx.Response:
+    url, headers = f"{rig.settings.base_url}/v1/studies", {"Idempotency-Key": key}
+    return httpx.post(url, json=a_request(variant), headers=headers, timeout=PATIENCE_S)
+
+
+def _note(accepted: Accepted, key: str, variant: int, answer: httpx.Response) -> bool:
+    """Whether it is a yes; then the audit will ask for it."""
+    if answer.status_code == 201:
+        accepted.variants[key], accepted.ids[key] = variant, {int(answer.json()["id"])}
+    return answer.status_code == 201
 
 
 def _settled(rig: Rig, found: Outage, accepted: Accepted, references: dict[int, str]) -> Outage:

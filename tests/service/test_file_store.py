@@ -18,6 +18,7 @@ from service.backup import make_backup, restore_backup
 from service.db.models import DesignRow
 from service.db.session import Database
 from service.file_store import (
+    ASIDE,
     FileStore,
     ObjectStore,
     StoreAway,
@@ -203,7 +204,14 @@ def test_retention_frees_what_no_row_names_and_copies(
     reasons = {item.place: item.reason for item in found}
     wanted = {store.place(NAME): "no row names it"}
     if isinstance(store, ObjectStore):
-        wanted[str(store.copies / kept)] = COPY
+        half = store.copies / f"{ASIDE}killed" / "half"
+        half.parent.mkdir()
+        half.write_bytes(b"1")
+        # From before there was a store: it is nowhere else.
+        (store.copies / "only-here").write_bytes(b"1")
+        wanted[str(store.copies / kept)] = wanted[str(half)] = COPY
+        found = find_removable(sqlite_database, settings, Rule(90.0))
+        reasons = {item.place: item.reason for item in found}
     assert reasons == wanted
     remove(found)
     assert store.local(kept).read_bytes() == content, "a copy comes again"
