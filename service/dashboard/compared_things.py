@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from sqlalchemy.orm import Session
 
@@ -23,13 +23,15 @@ from service.domain.spec_record import primary_response
 from service.errors import NotFound
 from service.studies.read_noise import read_noise
 
+T = TypeVar("T")
+
 # A 90 % interval of a normal distribution is so many standard deviations wide to each side.
 Z_90 = 1.645
 
 
 def compare_studies(session: Session, a: int, b: int) -> Comparison:
     """Goal, result with its certificate, noise, parameters. Raises NotFound."""
-    first, second = (_study(session, one) for one in (a, b))
+    first, second = (_found(read_study_page(session, one), "study", one) for one in (a, b))
     goals = [primary_response(page.study.spec) for page in (first, second)]
     observable = goals[0]["observable"]
     refused = None
@@ -72,7 +74,7 @@ def compare_studies(session: Session, a: int, b: int) -> Comparison:
 
 def compare_designs(session: Session, a: int, b: int) -> Comparison:
     """Two piles: what was read from them, what they were made with. Raises NotFound."""
-    pages = [_design(session, one) for one in (a, b)]
+    pages = [_found(read_design_page(session, one), "design", one) for one in (a, b)]
     first, second = pages
     refused = None
     if first.study.material != second.study.material:
@@ -111,7 +113,7 @@ def compare_designs(session: Session, a: int, b: int) -> Comparison:
 
 def compare_charges(session: Session, a: int, b: int) -> Comparison:
     """Where the burden lies, beside the scatter of each one's series. Raises NotFound."""
-    pages = [_charge(session, one) for one in (a, b)]
+    pages = [_found(read_charge_page(session, one), "charge", one) for one in (a, b)]
     notes = []
     lonely = [str(page.charge.id) for page in pages if len(page.measured) < 2]
     if lonely:
@@ -135,7 +137,7 @@ def compare_charges(session: Session, a: int, b: int) -> Comparison:
 
 def compare_versions(session: Session, a: int, b: int) -> Comparison:
     """The effects of two versions of the model, each with its amplitude. Raises NotFound."""
-    rows = [_version(session, one) for one in (a, b)]
+    rows = [_found(session.get(ModelVersionRow, one), "model version", one) for one in (a, b)]
     first, second = rows
     refused = None
     if first.base != second.base:
@@ -157,32 +159,10 @@ def compare_versions(session: Session, a: int, b: int) -> Comparison:
     return Comparison(sides[0], sides[1], table.rows, refused, notes)
 
 
-def _study(session: Session, number: int) -> StudyPage:
-    page = read_study_page(session, number)
-    if page is None:
-        raise NotFound(f"There is no study {number}.")
-    return page
-
-
-def _design(session: Session, number: int) -> DesignPage:
-    page = read_design_page(session, number)
-    if page is None:
-        raise NotFound(f"There is no design {number}.")
-    return page
-
-
-def _charge(session: Session, number: int) -> ChargePage:
-    page = read_charge_page(session, number)
-    if page is None:
-        raise NotFound(f"There is no charge {number}.")
-    return page
-
-
-def _version(session: Session, number: int) -> ModelVersionRow:
-    row = session.get(ModelVersionRow, number)
-    if row is None:
-        raise NotFound(f"There is no model version {number}.")
-    return row
+def _found(one: T | None, what: str, number: int) -> T:
+    if one is None:
+        raise NotFound(f"There is no {what} {number}.")
+    return one
 
 
 def _run_noise(session: Session, page: DesignPage) -> Mapping[str, float | None]:
