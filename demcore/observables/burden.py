@@ -156,9 +156,13 @@ def mean_size(of: NDArray[np.int64], radius: Floats, mass: Floats, groups: int) 
 
 
 def variation(values: Floats) -> float:
-    """Coefficient of variation: standard deviation over the mean, of all values there are; 0 for even ones."""
-    mean = float(values.mean())
-    return float(values.std()) / mean if mean else math.nan
+    """Coefficient of variation: standard deviation over the mean, of all values there are; 0 for even ones.
+
+    A sector without burden has no grain size: NaN, and left out. NaN where no value is there or their mean is 0.
+    """
+    there = values[np.isfinite(values)]
+    mean = float(there.mean()) if len(there) else 0.0
+    return float(there.std()) / mean if mean else math.nan
 
 
 def harmonic(values: Floats, order: int) -> Harmonic:

@@ -77,6 +77,9 @@ def test_harmonics_and_variation_of_known_waves():
     assert harmonic(values, 2) == pytest.approx((0.1, 20.0))
     assert harmonic(values, 3).amplitude == pytest.approx(0.0, abs=1e-12)
     assert variation(values) == pytest.approx(math.sqrt(0.5 * (0.09 + 0.01)))
+    # A sector without burden has no size; of 1 and 3 the mean is 2 and the deviation 1.
+    assert variation(np.array([1.0, math.nan, 3.0])) == pytest.approx(0.5)
+    assert math.isnan(variation(np.array([math.nan])))
 
 
 def test_mean_size_is_by_mass():
