@@ -1,7 +1,7 @@
 """python -m worker.deflector: search a better deflector for both materials, pick by weights, confirm it.
 
-It leaves record.jsonl (every charge), pareto.png, study.json, and of the chosen device chosen.stl, chosen.toml
-(for --plant) and chosen.png, the plant drawn with its dimensions. Called again it goes on.
+It leaves record.jsonl and confirmation.jsonl (every charge), pareto.png, study.json, and of the chosen device
+chosen.stl, chosen.toml (for --plant) and chosen.png, the plant drawn with its dimensions. Called again it goes on.
 """
 
 from __future__ import annotations
@@ -16,19 +16,17 @@ from typing import Any
 
 from demcore.errors import InputError, SimulationError
 from demcore.experiments.charge_case import ChargeTest, charge_names, load_charge
-from demcore.experiments.charge_comparison import compare
 from demcore.geometry.mesh_file import save_mesh
 from demcore.plant.parts import Plant
 from demcore.plant.plant_file import key_of, load_plant
 from demcore.plant.surfaces import deflector_mesh
+from worker.deflector.confirmation import Confirmation, as_records, confirm, sentences
 from worker.deflector.designs import Space
 from worker.deflector.pareto import pick
 from worker.deflector.picture import draw_pareto
+from worker.deflector.record import Record
 from worker.deflector.study import OBJECTIVES, StudyPlan, Tried, arrays_of, front_of, run_study
 from worker.evaluate import plain
-
-# Seeds of a confirmation: none that the study used.
-FIRST_FRESH_SEED = 1001
 
 
 def parser() -> argparse.ArgumentParser:
@@ -51,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def charge_of(plant: Plant, material: str, scale: float, seed: int) -> dict[str, Any]:
-    """The summary of a charge; without objectives where it came to no end."""
+    """The summary of a charge as plain JSON; empty where it came to no end."""
     from demcore.experiments.charge_test import run_charge
 
     try:
@@ -59,7 +57,8 @@ def charge_of(plant: Plant, material: str, scale: float, seed: int) -> dict[str,
     except SimulationError as error:
         print(f"{material}, seed {seed}: {error}", file=sys.stderr)
         return {}
-    return result.summary() | {"findings": result.findings()}
+    found: dict[str, Any] = plain(result.summary() | {"findings": result.findings()})
+    return found
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -86,7 +85,7 @@ def study(given: argparse.Namespace) -> int:
         space,
         plan,
         lambda u, material, seed: charge_of(space.plant_of(u), material, given.scale, seed),
-        given.out / "record.jsonl",
+        Record(given.out / "record.jsonl"),
         lambda line: print(line, flush=True),
     )
     good = [k for k, t in enumerate(designs) if t.has_result]
@@ -94,11 +93,20 @@ def study(given: argparse.Namespace) -> int:
         print("error: no charge came to an end", file=sys.stderr)
         return 1
     chosen = good[pick(arrays_of([designs[k] for k in good])[1], weights)]
-    confirmed = None
+    facts: dict[str, Any] = {"weights": weights, "scale": given.scale, "confirmed": None}
+    # Before the confirmation, which takes long, and after.
+    write(given.out, space, designs, chosen, facts)
     if given.confirm_scale is not None:
-        confirmed = confirm(space, designs[chosen], plan.materials, given.confirm_scale, given.confirm_seeds)
-    write(
-        given.out, space, designs, chosen, {"weights": weights, "scale": given.scale, "confirmed": confirmed}
+        plan_of = Confirmation(plan.materials, given.confirm_scale, given.confirm_seeds)
+        plants = {"present": space.plant, "chosen": space.plant_of(designs[chosen].u)}
+        record = Record(given.out / "confirmation.jsonl")
+        found = confirm(plants, plan_of, charge_of, record, designs[chosen].u)
+        for material, rows in found.items():
+            print("\n".join(sentences(material, rows, plan_of)))
+        confirmed = {material: as_records(rows) for material, rows in found.items()}
+        write(given.out, space, designs, chosen, facts | {"confirmed": confirmed})
+    print(
+        f"chosen: design {chosen} of {len(designs)}; files in {given.out}: pareto.png, study.json, chosen.stl"
     )
     return 0
 
@@ -122,31 +130,6 @@ def _estimate(plant: Plant, plan: StudyPlan, scale: float) -> int:
     return 0
 
 
-def confirm(
-    space: Space, device: Tried, materials: Sequence[str], scale: float, seeds: int
-) -> dict[str, list[dict[str, Any]]]:
-    """Present against chosen device at another scale with seeds that the study did not use, by material."""
-    plants = {"present": space.plant, "chosen": space.plant_of(device.u)}
-    found = {}
-    for material in materials:
-        groups = {
-            name: [charge_of(plant, material, scale, FIRST_FRESH_SEED + k) for k in range(seeds)]
-            for name, plant in plants.items()
-        }
-        rows = [row for row in compare(groups) if row.name in OBJECTIVES]
-        for row in rows:
-            present, chosen = row.groups["present"], row.groups["chosen"]
-            print(
-                f"{material}, {row.name}: present {present.mean:.3f} +- {present.sd:.3f}, chosen "
-                f"{chosen.mean:.3f} +- {chosen.sd:.3f} ({seeds} fresh seeds at scale {scale:g})"
-            )
-        found[material] = [
-            row._asdict() | {"groups": {name: group._asdict() for name, group in row.groups.items()}}
-            for row in rows
-        ]
-    return found
-
-
 def write(folder: Path, space: Space, designs: Sequence[Tried], chosen: int, more: Mapping[str, Any]) -> None:
     """The study's files."""
     from demcore.experiments.plant_drawing import draw_plant
@@ -168,7 +151,6 @@ def write(folder: Path, space: Space, designs: Sequence[Tried], chosen: int, mor
     ]
     content = {"designs": rows, "front": front_of(designs), "chosen": chosen, **more}
     (folder / "study.json").write_text(json.dumps(plain(content), indent=1) + "\n", encoding="utf-8")
-    print(f"chosen: design {chosen} of {len(designs)}; files in {folder}: pareto.png, study.json, chosen.stl")
 
 
 if __name__ == "__main__":

@@ -1,16 +1,13 @@
 """A study of deflectors: designs are charged with every material, one after the other, and written down at once.
 
-The record is a file of JSON lines, one a charge, in the order of the work. A study that was stopped goes on after
-its last line: what comes next depends on the lines alone.
+A study that was stopped goes on after the last line of its record: what comes next depends on the lines alone.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +16,7 @@ from demcore.errors import InputError
 from worker.deflector.designs import Space, first_designs
 from worker.deflector.pareto import pareto_set
 from worker.deflector.proposal import propose
+from worker.deflector.record import Record
 from worker.optimizer.design import FloatArray
 
 OBJECTIVES = ("variation_of_mass", "variation_of_size")
@@ -58,17 +56,6 @@ class Tried:
         return all(math.isfinite(v) for v in self.objectives)
 
 
-def read_record(path: Path) -> list[dict[str, Any]]:
-    """The lines of a record; a last one that was cut off by a kill is dropped, from the file too."""
-    if not path.exists():
-        return []
-    text = path.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        path.write_text(whole, encoding="utf-8")
-    return [json.loads(line) for line in whole.splitlines()]
-
-
 def tried(rows: Sequence[Mapping[str, Any]], materials: Sequence[str]) -> list[Tried]:
     """The designs of a record that were charged with all materials, in order."""
     by_number: dict[int, dict[str, Mapping[str, Any]]] = {}
@@ -93,25 +80,21 @@ def run_study(
     space: Space,
     plan: StudyPlan,
     evaluate: Evaluate,
-    record: Path,
+    record: Record,
     tell: Callable[[str], None] = lambda _: None,
 ) -> list[Tried]:
     """Try designs until the plan is done; number 0 is the present device."""
-    rows = read_record(record)
     initial = [space.unit_of(space.plant.deflector), *first_designs(space, plan.seed, plan.initial)]
     for number in range(plan.designs + 1):
-        u = initial[number] if number < len(initial) else _next(space, rows, plan, number)
+        u = initial[number] if number < len(initial) else _next(space, record.rows, plan, number)
         for material in plan.materials:
-            if any(row["number"] == number and row["material"] == material for row in rows):
+            if record.find({"number": number, "material": material}):
                 continue
             summary = evaluate(u, material, plan.seed)
             values = {name: _plain(summary.get(name)) for name in OBJECTIVES}
-            row = {"number": number, "material": material, "u": list(u), **values}
-            with record.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-            rows.append(row)
+            record.add({"number": number, "material": material, "u": list(u), **values})
             tell(f"design {number}, {material}: " + ", ".join(f"{k} {v}" for k, v in values.items()))
-    return tried(rows, plan.materials)
+    return tried(record.rows, plan.materials)
 
 
 def _plain(value: Any) -> float | None:

@@ -19,7 +19,8 @@ from worker.deflector import __main__ as command
 from worker.deflector.designs import Space, candidates, first_designs
 from worker.deflector.pareto import pareto_set, pick, tchebycheff
 from worker.deflector.picture import draw_pareto
-from worker.deflector.study import StudyPlan, arrays_of, front_of, read_record, run_study
+from worker.deflector.record import Record
+from worker.deflector.study import StudyPlan, arrays_of, front_of, run_study
 
 PLANT = load_plant()
 SPACE = Space(PLANT)
@@ -65,7 +66,7 @@ def test_designs_fit_the_plant_and_start_with_the_same_whatever_follows() -> Non
 @pytest.mark.slow
 def test_a_study_gets_better_than_its_first_designs_and_is_repeatable(tmp_path: Path) -> None:
     plan = StudyPlan(designs=16, initial=6)
-    runs = [run_study(SPACE, plan, uneven, tmp_path / name) for name in ("a", "b")]
+    runs = [run_study(SPACE, plan, uneven, Record(tmp_path / name)) for name in ("a", "b")]
     assert runs[0] == runs[1]
     _, f = arrays_of(runs[0])
     assert len(f) == 17
@@ -77,7 +78,7 @@ def test_a_study_gets_better_than_its_first_designs_and_is_repeatable(tmp_path: 
 
 
 def test_a_study_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path) -> None:
-    whole = run_study(SPACE, SMALL, uneven, tmp_path / "whole")
+    whole = run_study(SPACE, SMALL, uneven, Record(tmp_path / "whole"))
     count = 0
 
     def killed(u: tuple[float, ...], material: str, seed: int) -> dict[str, Any]:
@@ -89,18 +90,18 @@ def test_a_study_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path) -
 
     record = tmp_path / "killed"
     with pytest.raises(KeyboardInterrupt):
-        run_study(SPACE, SMALL, killed, record)
+        run_study(SPACE, SMALL, killed, Record(record))
     with record.open("a") as file:
         file.write('{"number": 6, "mater')
-    assert len(read_record(record)) == 13
-    assert run_study(SPACE, SMALL, uneven, record) == whole
+    assert len(Record(record).rows) == 13
+    assert run_study(SPACE, SMALL, uneven, Record(record)) == whole
 
 
 def test_a_design_whose_charge_failed_is_passed_over(tmp_path: Path) -> None:
     def fails_once(u: tuple[float, ...], material: str, seed: int) -> dict[str, Any]:
         return {} if u == SPACE.unit_of(PLANT.deflector) and material == "iron" else uneven(u, material, seed)
 
-    designs = run_study(SPACE, SMALL, fails_once, tmp_path / "record")
+    designs = run_study(SPACE, SMALL, fails_once, Record(tmp_path / "record"))
     assert not designs[0].has_result
     assert 0 not in front_of(designs)
     draw_pareto(designs, tmp_path / "pareto.png", chosen=3)
@@ -111,7 +112,10 @@ def test_a_design_whose_charge_failed_is_passed_over(tmp_path: Path) -> None:
 def test_the_command_leaves_the_chosen_device(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    charged = []
+
     def charge_of(plant: Any, material: str, scale: float, seed: int) -> dict[str, Any]:
+        charged.append((material, scale, seed))
         return uneven(SPACE.unit_of(plant.deflector), material, seed) | {"variation_of_mass": seed / 1000.0}
 
     monkeypatch.setattr(command, "charge_of", charge_of)
@@ -138,13 +142,19 @@ def test_the_command_leaves_the_chosen_device(
     expected = deflector_mesh(again).vertices
     assert np.ptp(mesh.vertices, axis=0) == pytest.approx(np.ptp(expected, axis=0), abs=1e-6)
     assert {"pareto.png", "chosen.png", "record.jsonl"} <= {file.name for file in out.iterdir()}
-    row = study["confirmed"]["coke"][0]
+    row = next(row for row in study["confirmed"]["coke"] if row["name"] == "variation_of_mass")
     assert row["groups"]["present"] == {
         "mean": pytest.approx(1.002),
         "sd": pytest.approx(0.001),
         "charges": 3,
     }
-    assert "3 fresh seeds at scale 8" in capsys.readouterr().out
+    assert "variation_of_mass: present 1.002 +- 0.001, chosen 1.002" in capsys.readouterr().out
+    # Five designs, then two devices, each with both materials and three fresh seeds; and nothing twice.
+    assert len(charged) == 10 + 12
+    assert sorted(set(charged[10:])) == [(m, 8.0, 1001 + k) for m in ("coke", "iron") for k in range(3)]
+    assert command.main(words) == 0
+    assert len(charged) == 22
+    assert json.loads((out / "study.json").read_text()) == study
 
 
 @pytest.mark.parametrize(

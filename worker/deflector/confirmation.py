@@ -1,0 +1,72 @@
+"""The present device against a chosen one: fresh seeds, another scale, every material."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from demcore.experiments.charge_comparison import Row, compare
+from demcore.plant.parts import Plant
+from worker.deflector.record import Record
+from worker.deflector.study import OBJECTIVES
+
+# None that a study used.
+FIRST_FRESH_SEED = 1001
+# Gives a charge's summary as plain JSON. Arguments: plant, material, scale, seed.
+Charged = Callable[[Plant, str, float, int], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """What is charged: `seeds` fresh ones of each material at `scale`."""
+
+    materials: tuple[str, ...]
+    scale: float
+    seeds: int = 3
+
+
+def confirm(
+    plants: Mapping[str, Plant], plan: Confirmation, charge: Charged, record: Record, device: Sequence[float]
+) -> dict[str, list[Row]]:
+    """All numbers of both devices, by material.
+
+    `plants`: by the names that the rows get, `chosen` one of them; `device` stands for that in the record.
+    """
+    found = {}
+    for material in plan.materials:
+        groups: dict[str, list[dict[str, Any]]] = {name: [] for name in plants}
+        for k in range(plan.seeds):
+            for name, plant in plants.items():
+                key = {
+                    "device": list(device) if name == "chosen" else name,
+                    "material": material,
+                    "scale": plan.scale,
+                    "seed": FIRST_FRESH_SEED + k,
+                }
+                row = record.find(key)
+                if row is None:
+                    summary = charge(plant, material, plan.scale, FIRST_FRESH_SEED + k)
+                    row = record.add({**key, "summary": summary})
+                groups[name].append(row["summary"])
+        found[material] = compare(groups)
+    return found
+
+
+def sentences(material: str, rows: Sequence[Row], plan: Confirmation) -> list[str]:
+    """A line for each objective, and for whatever else stands out."""
+    return [
+        f"{material}, {row.name}: "
+        + ", ".join(f"{name} {group.mean:.3f} +- {group.sd:.3f}" for name, group in row.groups.items())
+        + f" ({plan.seeds} fresh seeds at scale {plan.scale:g})"
+        for row in rows
+        if row.name in OBJECTIVES or row.stands_out
+    ]
+
+
+def as_records(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """For JSON."""
+    return [
+        row._asdict() | {"groups": {name: group._asdict() for name, group in row.groups.items()}}
+        for row in rows
+    ]
