@@ -51,6 +51,29 @@ def test_every_layer_contract_is_exhaustive() -> None:
     assert all(contract["exhaustive"] for contract in inside)
 
 
+def imports_of(path: Path) -> Iterator[str]:
+    """The modules that a file names in its imports, wherever they stand."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module or ""
+
+
+def test_who_hides_and_who_scores_shares_nothing_but_the_data_format() -> None:
+    """The truth, the hider and the scorer (tests/diagnosis) know no analyser; their own tests may."""
+    mine = [p for p in tracked("tests/diagnosis/*.py") if not p.name.startswith("test_")]
+    assert {"truth.py", "hider.py", "scorer.py", "bank.py"} <= {path.name for path in mine}
+    may = ("tests.diagnosis.", "service.domain.data_set.")
+    others = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in mine
+        for name in imports_of(path)
+        if name.split(".")[0] in (*PACKAGES, "tests") and not name.startswith(may)
+    }
+    assert others == set()
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_root_init_is_empty(package: str) -> None:
     assert (ROOT / package / "__init__.py").read_bytes() == b""
