@@ -2,6 +2,7 @@
 
     python -m tests.diagnosis.piles.bank make        # LIGGGHTS; what is there is kept
     python -m tests.diagnosis.piles.bank write NAME FOLDER   # one data set as the tables of a laboratory
+    python -m tests.diagnosis.piles.bank hide CAUSE NAME     # one more, of a size that nobody has seen
 
 One file a data set in `bank/`: `values` (conditions, replicates, observables), `heights` likewise (mm, 240 cells),
 and `about`, the inputs that made it. Imports the data format and nothing of the analyser, who gets the tables.
@@ -29,9 +30,23 @@ from tests.diagnosis.piles.liggghts_pile import Array, Contacts, Pile, run
 BANK = Path(__file__).parent / "bank"
 REPLICATES = 3
 FREE = 8
+# The data sets that are scored, by what is hidden: a third of them nothing, or what a calibration has to absorb.
+SCORED = {
+    "null": 12,
+    "decoy": 4,
+    "cohesion": 6,
+    "shape_roll": 5,
+    "lift_speed": 5,
+    "base_rough": 5,
+    "wide_psd": 4,
+    "feed_offcentre": 4,
+    "rim": 3,
+    "one_mass": 2,
+}
 PSD = ((0.04, 0.3), (0.05, 0.4), (0.06, 0.3))
 DENSITY, BASE, CYLINDER = 3480.0, 0.6, 0.35
 MOISTURE = 4.0
+WRONGLY_WEIGHED = "wet"
 
 
 def _condition(
@@ -73,11 +88,16 @@ class Truth:
     hidden: Mapping[str, float] = field(default_factory=dict)
 
 
-def draw_truth(seed: int, hidden: Mapping[str, float]) -> Truth:
-    """Contacts anywhere well inside of what an analyser searches; laws that it does not have among them."""
+def draw_truth(seed: int, hidden: Mapping[str, float], decoy: bool = False) -> Truth:
+    """Contacts anywhere well inside of what an analyser searches; laws that it does not have among them.
+
+    A decoy's grains slide and roll a third harder: a strong change that a calibration absorbs.
+    """
     stream = np.random.default_rng(np.random.SeedSequence([seed, 6]))
     lower, upper = np.array([0.3, 0.25, 0.15, 0.12]), np.array([0.75, 0.8, 0.5, 0.5])
     friction, wall, restitution, rolling = (lower + stream.random(4) * (upper - lower)).round(3).tolist()
+    if decoy:
+        friction, rolling = round(1.3 * friction, 3), round(1.3 * rolling, 3)
     contacts = Contacts(
         friction,
         wall,
@@ -99,8 +119,15 @@ def draw_hidden(name: str, seed: int) -> dict[str, float]:
         "cohesion": {"cohesion": 1.0 + 0.8 * size},
         "lift_speed": {"lift_speed": sign * (0.4 + 0.5 * size)},
         "feed_offcentre": {"feed_offcentre": 0.05 + 0.05 * size},
+        "base_rough": {"base_rough": sign * (0.15 + 0.2 * size)},
+        "wide_psd": {"wide_psd": 0.2 + 0.2 * size},
+        # Clumps: the middles of a grain's two spheres, by their diameter.
+        "shape_roll": {"shape_roll": 0.2 + 0.3 * size},
         "rim": {"rim": 0.03 + 0.03 * size},
+        # One condition's mass was written down wrong, relatively.
+        "one_mass": {"one_mass": sign * (0.12 + 0.1 * size)},
         "null": {},
+        "decoy": {},
     }[name]
     return {key: round(value, 3) for key, value in drawn.items()}
 
@@ -113,9 +140,11 @@ def pile_of(condition: Condition, truth: Truth, replicate: int) -> Pile:
     tension = hidden.get("cohesion", 0.0) * wet * DENSITY * 9.81 * 0.025**2 / 1.5
     place = [c.condition for c in CONDITIONS].index(condition.condition)
     lift = condition.lift_speed_m_s if condition.removal == "lift" else 0.0
+    base = truth.contacts.wall_friction + hidden.get("base_rough", 0.0)
+    wrong = hidden.get("one_mass", 0.0) if condition.condition == WRONGLY_WEIGHED else 0.0
     return Pile(
         contacts=truth.contacts,
-        mass=condition.mass_kg,
+        mass=condition.mass_kg * (1.0 + wrong),
         psd=PSD,
         density=DENSITY,
         base_radius=0.5 * BASE,
@@ -125,6 +154,9 @@ def pile_of(condition: Condition, truth: Truth, replicate: int) -> Pile:
         aside=(hidden.get("feed_offcentre", 0.0), 0.0),
         surface_tension=tension,
         rim=hidden.get("rim", 0.0),
+        base_friction=max(base, 0.05),
+        spread=hidden.get("wide_psd", 0.0),
+        clump=hidden.get("shape_roll", 0.0),
     )
 
 
@@ -221,11 +253,26 @@ def free_sets(folder: Path = BANK) -> list[str]:
     return sorted(path.stem for path in folder.glob("free_*.npz"))
 
 
+def scored_sets() -> dict[str, str]:
+    """What is hidden in the data sets that are scored, by their names, in an order that mixes the causes."""
+    causes = [cause for cause, count in SCORED.items() for _ in range(count)]
+    order = np.random.default_rng(8000).permutation(len(causes))
+    return {f"case_{k:02d}": causes[j] for k, j in enumerate(order)}
+
+
+def seed_of(name: str) -> int:
+    """Of a scored data set."""
+    return 8001 + int(name[-2:])
+
+
 def _make_all() -> None:
-    wanted: dict[str, Mapping[str, float]] = {f"free_{k:02d}": {} for k in range(FREE)}
-    for name, hidden in wanted.items():
+    wanted = {f"free_{k:02d}": draw_truth(7000 + k, {}) for k in range(FREE)}
+    for name, cause in scored_sets().items():
+        seed = seed_of(name)
+        wanted[name] = draw_truth(seed, draw_hidden(cause, seed), cause == "decoy")
+    for name, truth in wanted.items():
         if not (BANK / f"{name}.npz").is_file():
-            make(name, draw_truth(7000 + int(name[-2:]), hidden))
+            make(name, truth)
             print(name, flush=True)
 
 

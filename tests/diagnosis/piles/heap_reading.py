@@ -58,7 +58,7 @@ def readings(pile: Pile, heap: Heap) -> tuple[dict[str, float], Array]:
     x, y, h = surface(heap, base)
     place, radius = heap.position, heap.radius
     on = (np.hypot(place[:, 0], place[:, 1]) < base) & (place[:, 2] > 0.0)
-    mass = pile.density * 4.0 / 3.0 * math.pi * radius[on] ** 3
+    mass = pile.mass_per_sphere * (2.0 * radius[on]) ** 3
     order = np.argsort(radius[on])
     half = np.searchsorted(np.cumsum(mass[order]), 0.5 * mass.sum())
     filled, left = float(heap.mass[0]), heap.mass[0] - heap.mass
@@ -71,7 +71,7 @@ def readings(pile: Pile, heap: Heap) -> tuple[dict[str, float], Array]:
         "bulk_density_kg_m3": filled / (math.pi * pile.cylinder_radius**2 * heap.fill_height),
         "heap_offset_x_m": float(np.average(place[on, 0], weights=mass)),
         "heap_offset_y_m": float(np.average(place[on, 1], weights=mass)),
-        "d50_on_base_m": 2.0 * float(radius[on][order][half]),
+        "d50_on_base_m": 2.0 * pile.grain_per_sphere * float(radius[on][order][half]),
     }
     assert place[:, 2].min() > FLOOR
     return values, heights(x, y, h, base)

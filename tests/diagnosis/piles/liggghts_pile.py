@@ -23,7 +23,7 @@ PROGRAM = "liggghts"
 GRAVITY = 9.81
 # The box ends here: below the plate, and so many of its radii from its axis.
 FLOOR, REACH = -0.1, 4.0
-SOLID_OF_COLUMN = 0.15
+SOLID_OF_COLUMN, ABOVE = 0.15, 0.2
 SHARE_OF_RAYLEIGH = 0.2
 SETTLE, DISCHARGE, LOOK = 0.8, 2.0, 0.005
 # A risen tube hangs so high over the plate, out of the way of every heap.
@@ -58,7 +58,8 @@ class Pile:
     """One run. `lift` m/s, 0: the cylinder vanishes at once. `psd`: sizes with shares of the mass.
 
     What may be hidden: `base_friction` other than the cylinder's, the cylinder `aside` of the plate's middle
-    (x, y), bridges of `surface_tension` (N/m) between grains, a `rim` around the plate (height, m).
+    (x, y), bridges of `surface_tension` (N/m) between grains, a `rim` around the plate (height, m), sizes that
+    `spread` (sizes()), grains of two equal spheres whose middles lie `clump` of their diameter apart (0: spheres).
     """
 
     contacts: Contacts
@@ -75,6 +76,18 @@ class Pile:
     surface_tension: float = 0.0
     rim: float = 0.0
     spread: float = 0.0
+    clump: float = 0.0
+
+    @property
+    def grain_per_sphere(self) -> float:
+        """Diameter of the sphere of a grain's volume by that of the spheres it is made of: two less their lens."""
+        a = self.clump
+        return (2.0 - 0.5 * (2.0 + a) * (1.0 - a) ** 2) ** (1.0 / 3.0) if a else 1.0
+
+    @property
+    def mass_per_sphere(self) -> float:
+        """Of a sphere of a grain, by density and diameter cubed."""
+        return self.density * math.pi / 6.0 * self.grain_per_sphere**3 / (2.0 if self.clump else 1.0)
 
 
 @dataclass(frozen=True)
@@ -155,16 +168,37 @@ def as_stl(triangles: list[Array]) -> str:
     return "\n".join([*lines, "endsolid part"]) + "\n"
 
 
-def data_file(pile: Pile, column: Array, half: float, top: float) -> str:
+def top_of(column: Array) -> float:
+    """The height under which all is that falls."""
+    return float(column[:, 2].max()) + ABOVE
+
+
+def smallest_sphere(pile: Pile, column: Array) -> float:
+    """Radius of the smallest sphere."""
+    if not pile.clump:
+        return float(column[:, 3].min())
+    return 0.5 * min(size for size, _ in pile.psd) / 1.06 / pile.grain_per_sphere
+
+
+def _empty_box(pile: Pile, top: float) -> list[str]:
+    (x0, x1), (y0, y1), (z0, z1) = _box(pile, top)
+    return [f"region all block {x0} {x1} {y0} {y1} {z0} {z1} units box", "create_box 3 all"]
+
+
+def _box(pile: Pile, top: float) -> tuple[tuple[float, float], ...]:
+    half = REACH * pile.base_radius
+    return (-half, half), (-half, half), (FLOOR, 2.5 * top)
+
+
+def data_file(pile: Pile, column: Array, top: float) -> str:
     """The column in LIGGGHTS' data format, atom style granular; the grains enter with the speed of their fall."""
     speed = -math.sqrt(2.0 * GRAVITY * pile.drop_height)
+    ends = zip(_box(pile, top), "xyz", strict=True)
     lines = [
         "column\n",
         f"{len(column)} atoms",
         "3 atom types\n",
-        f"{-half} {half} xlo xhi",
-        f"{-half} {half} ylo yhi",
-        f"{FLOOR} {top} zlo zhi",
+        *(f"{low} {high} {axis}lo {axis}hi" for (low, high), axis in ends),
         "\nAtoms\n",
     ]
     for k, (x, y, z, r) in enumerate(column.tolist(), start=1):
@@ -191,7 +225,7 @@ def _table(grain: float, base: float, cylinder: float) -> str:
 def input_script(pile: Pile, column: Array) -> str:
     """Grains are type 1, the plate type 2, the cylinder type 3."""
     c = pile.contacts
-    smallest, top = float(column[:, 3].min()), float(column[:, 2].max()) + 0.2
+    smallest, top = smallest_sphere(pile, column), top_of(column)
     dt = time_step(pile, smallest)
     fall = math.sqrt(2.0 * top / GRAVITY)
     settle, look = round((fall + SETTLE) / dt), round(LOOK / dt)
@@ -209,7 +243,7 @@ def input_script(pile: Pile, column: Array) -> str:
         "newton off",
         "communicate single vel yes",
         "units si",
-        "read_data column.data",
+        *(_empty_box(pile, top) if pile.clump else ["read_data column.data"]),
         f"neighbor {1.0 * smallest} bin",
         "neigh_modify delay 0",
         f"fix m1 all property/global youngsModulus peratomtype {c.youngs} {c.youngs} {c.youngs}",
@@ -225,7 +259,7 @@ def input_script(pile: Pile, column: Array) -> str:
         f"fix weight all gravity {GRAVITY} vector 0.0 0.0 -1.0",
         "fix plate all mesh/surface file plate.stl type 2",
         *_cylinder(pile, walls),
-        "fix move all nve/sphere",
+        *(_clumps(pile, top - ABOVE) if pile.clump else ["fix move all nve/sphere"]),
         "variable m equal mass(all)",
         "thermo_style custom step atoms v_m",
         "thermo_modify lost ignore norm no",
@@ -256,6 +290,42 @@ def _cylinder(pile: Pile, walls: str) -> list[str]:
     ]
 
 
+def _clumps(pile: Pile, top: float) -> list[str]:
+    """Grains of two spheres, put into the column by the program itself, of the stated mass; rigid bodies.
+
+    A template for three sizes of each sieve class. Its seeds have to be primes above 10,000.
+    """
+    lines, chosen = [], []
+    for k, (size, share) in enumerate(pile.psd):
+        for j, within in enumerate((1.0 / 1.06, 1.0, 1.06)):
+            d, number = size * within / pile.grain_per_sphere, 3 * k + j + 1
+            away = 0.5 * pile.clump * d
+            spheres = f"{-away!r} 0.0 0.0 {0.5 * d!r} {away!r} 0.0 0.0 {0.5 * d!r}"
+            lines.append(
+                f"fix grain{number} all particletemplate/multisphere {_prime(10_007 + 100 * number)} atom_type 1 "
+                f"density constant {pile.density} nspheres 2 ntry 100000 spheres {spheres} type {number}"
+            )
+            chosen.append(f"grain{number} {share / 3.0!r}")
+    x, y = pile.aside
+    speed = -math.sqrt(2.0 * GRAVITY * pile.drop_height)
+    return [
+        *lines,
+        f"fix grains all particledistribution/discrete {_prime(20_011)} {len(chosen)} " + " ".join(chosen),
+        f"region column cylinder z {x} {y} {pile.cylinder_radius} 0.0 {top!r} units box",
+        f"fix fill all insert/pack seed {_prime(30_011 + 50 * pile.seed)} distributiontemplate grains "
+        f"maxattempt 500 insert_every once overlapcheck yes all_in yes vel constant 0.0 0.0 {speed!r} "
+        f"region column mass_in_region {pile.mass}",
+        "fix move all multisphere allow_group_and_set yes",
+    ]
+
+
+def _prime(least: int) -> int:
+    """The first prime from there on."""
+    while any(least % d == 0 for d in range(2, math.isqrt(least) + 1)):
+        least += 1
+    return least
+
+
 def cohesion_energy(pile: Pile, column: Array) -> float:
     """J/m3 of `sjkr` (force per contact area): 4 pi R gamma at the Hertz contact that carries four weights."""
     r = float(np.median(column[:, 3]))
@@ -274,10 +344,10 @@ def run(pile: Pile) -> Heap:
     """In a folder that is removed again. Raises LiggghtsFailed."""
     stream = np.random.default_rng(np.random.SeedSequence([pile.seed, 41]))
     column = loose_column(sizes(pile, stream), pile.cylinder_radius, pile.density, stream)
-    top = float(column[:, 2].max()) + 0.2
+    top = top_of(column)
     with tempfile.TemporaryDirectory(prefix="pile-") as place:
         folder = Path(place)
-        (folder / "column.data").write_text(data_file(pile, column, REACH * pile.base_radius, 2.5 * top))
+        (folder / "column.data").write_text(data_file(pile, column, top))
         (folder / "in.pile").write_text(input_script(pile, column))
         flat = plate(pile.base_radius) + (ring(pile.base_radius, 0.0, pile.rim) if pile.rim else [])
         (folder / "plate.stl").write_text(as_stl(flat))
@@ -299,7 +369,7 @@ def run(pile: Pile) -> Heap:
     rows = np.array(
         [[float(w) for w in r] for r in re.findall(r"^ +(\d+) +(\d+) +(\S+) *$", done.stdout, re.MULTILINE)]
     )
-    dt = time_step(pile, float(column[:, 3].min()))
+    dt = time_step(pile, smallest_sphere(pile, column))
     removed = round((math.sqrt(2.0 * top / GRAVITY) + SETTLE) / dt)
     after = rows[rows[:, 0] >= removed]
     height = float(np.quantile(filled[:, 2] + filled[:, 3], 0.95))

@@ -21,6 +21,7 @@ from tests.diagnosis.piles.bank import (
     draw_truth,
     free_sets,
     pile_of,
+    scored_sets,
     truth_of,
     write_tables,
 )
@@ -85,6 +86,56 @@ def test_the_input_says_what_is_hidden() -> None:
     )
 
 
+def test_a_clump_is_two_spheres_less_their_lens() -> None:
+    """Touching spheres hold twice one's volume; with middles half a diameter apart 27/16 of it (caps of r/2)."""
+    pile = pile_of(CONDITIONS[0], TRUTH, 0)
+    assert pile.grain_per_sphere == 1.0
+    for apart, volume in ((1.0, 2.0), (0.5, 27.0 / 16.0)):
+        clump = replace(pile, clump=apart)
+        assert clump.grain_per_sphere**3 == pytest.approx(volume)
+        assert 2.0 * clump.mass_per_sphere == pytest.approx(volume * pile.mass_per_sphere)
+    column = np.array([[0.0, 0.0, 0.1, 0.02], [0.0, 0.0, 0.2, 0.03]])
+    script = input_script(replace(pile, clump=0.5), column)
+    assert "read_data" not in script and "nve/sphere" not in script
+    templates = [line.split() for line in script.splitlines() if "particletemplate" in line]
+    assert len(templates) == 9
+    for words in templates:
+        seed, at = int(words[4]), words.index("spheres") + 1
+        left, right = float(words[at]), float(words[at + 4])
+        assert seed > 10_000 and all(seed % d for d in range(2, 200))
+        assert (right - left) / (2.0 * float(words[at + 3])) == pytest.approx(0.5)
+    # The middle one of a class has the volume of the stated size.
+    diameter = 2.0 * float(templates[1][templates[1].index("spheres") + 4])
+    assert 27.0 / 16.0 * diameter**3 == pytest.approx(0.04**3)
+
+
+def test_a_third_of_the_scored_sets_hides_nothing_that_a_calibration_leaves() -> None:
+    causes = list(scored_sets().values())
+    assert len(causes) >= 40
+    assert sum(cause in ("null", "decoy") for cause in causes) >= len(causes) / 3 - 1
+    assert {"rim", "one_mass"} <= set(causes)  # outside the library
+    plain, decoy = draw_truth(5, {}), draw_truth(5, {}, decoy=True)
+    assert decoy.contacts.friction == pytest.approx(1.3 * plain.contacts.friction, abs=1e-3)
+    assert decoy.hidden == {}
+
+
+def test_a_cause_touches_what_it_says_and_nothing_else() -> None:
+    plain = [pile_of(c, TRUTH, 0) for c in CONDITIONS]
+    steel = TRUTH.contacts.wall_friction
+    for hidden, changed in (
+        ({"base_rough": 0.2}, {"base_friction": steel + 0.2}),
+        ({"wide_psd": 0.3}, {"spread": 0.3}),
+        ({"shape_roll": 0.4}, {"clump": 0.4}),
+        ({"rim": 0.05}, {"rim": 0.05}),
+    ):
+        for c, pile in zip(CONDITIONS, plain, strict=True):
+            assert pile_of(c, replace(TRUTH, hidden=hidden), 0) == replace(pile, **changed)  # type: ignore[arg-type]
+    wrong = [pile_of(c, replace(TRUTH, hidden={"one_mass": -0.2}), 0) for c in CONDITIONS]
+    assert [made.mass / pile.mass for made, pile in zip(wrong, plain, strict=True)] == pytest.approx(
+        [1.0, 1.0, 0.8, 1.0, 1.0, 1.0]
+    )
+
+
 def test_only_wet_conditions_get_bridges_and_only_lifted_ones_another_speed() -> None:
     cohesion, lift = (replace(TRUTH, hidden=hidden) for hidden in ({"cohesion": 1.5}, {"lift_speed": 0.5}))
     for c in CONDITIONS:
@@ -128,3 +179,15 @@ def test_the_bank_can_be_made_again() -> None:
     for observable, value in values.items():
         assert value == pytest.approx(stored[observable], rel=1e-4), observable
     assert (BANK / f"{name}.npz").stat().st_size < 50_000
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    shutil.which("liggghts") is None, reason="needs LIGGGHTS (Debian: apt-get install liggghts)"
+)
+def test_a_pile_of_clumps_has_the_stated_mass() -> None:
+    """The program fills by its own volumes of the templates; a grain less or more, and sampling in them."""
+    pile = replace(pile_of(CONDITIONS[0], TRUTH, 0), clump=0.5, mass=20.0)
+    heap = run(pile)
+    assert heap.mass[0] == pytest.approx(20.0, rel=0.03)
+    assert len(heap.radius) % 2 == 0
