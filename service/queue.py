@@ -29,6 +29,9 @@ TASK_NAMES = {
 # A key in the broker that goes when its data go.
 NOTE = "talus:published-in"
 
+# Written only to see whether anything can be: a broker that refuses writes may still answer a PING or a read.
+PROBE = "talus:takes-writes"
+
 # A broker that does not answer within this long counts as away.
 SOCKET_TIMEOUT_S = 5.0
 
@@ -41,12 +44,21 @@ BROKER_SETTINGS: dict[str, Any] = {
         "socket_timeout": SOCKET_TIMEOUT_S,
         "socket_connect_timeout": SOCKET_TIMEOUT_S,
         "max_retries": 0,
+        # The row is the truth, so kombu need not note in the broker which messages are out; a note that the broker
+        # refuses to take back counts as a message in hand, and a worker with one in hand asks for no other.
+        "ack_emulation": False,
     },
 }
 
 
 class BrokerAway(RuntimeError):
     """The broker did not take a message."""
+
+
+def try_broker(client: Any) -> None:
+    """Raises redis.RedisError unless the queue can be read and something can be written."""
+    client.llen(QUEUE_NAME)
+    client.set(PROBE, 1)
 
 
 class Publisher:
@@ -74,9 +86,9 @@ class Publisher:
         return before is not None and before == start.encode()
 
     def check(self) -> None:
-        """Raises BrokerAway unless the broker answers."""
+        """Raises BrokerAway unless the broker takes messages."""
         with self._connected() as connection:
-            connection.default_channel.queue_declare(QUEUE_NAME, durable=True, auto_delete=False)
+            try_broker(connection.default_channel.client)
 
     @contextmanager
     def _connected(self) -> Iterator[Any]:

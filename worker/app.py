@@ -20,7 +20,7 @@ from service.db.presence import report_end, report_presence
 from service.logs import configure_logs
 from service.queue import BROKER_SETTINGS
 from worker import installation, process
-from worker.careful_transport import use_careful_transport
+from worker.careful_transport import SteadyAMQP, use_careful_transport
 
 log = structlog.get_logger(__name__)
 
@@ -28,7 +28,9 @@ PRESENCE_SECONDS = 5.0
 
 configure_logs(installation.settings().log_level)
 use_careful_transport()
-app = Celery("talus", broker=installation.settings().resolved_broker_url, include=["worker.tasks"])
+app = Celery(
+    "talus", broker=installation.settings().resolved_broker_url, include=["worker.tasks"], amqp=SteadyAMQP
+)
 app.conf.update(
     BROKER_SETTINGS,
     task_acks_late=False,
@@ -41,6 +43,8 @@ app.conf.update(
     broker_connection_max_retries=None,
     worker_hijack_root_logger=False,
     worker_send_task_events=False,
+    # Nothing here uses it, and whoever can write to the broker could tell every worker to end.
+    worker_enable_remote_control=False,
     enable_utc=True,
 )
 
@@ -48,7 +52,7 @@ app.conf.update(
 @worker_init.connect
 def compile_kernels(**_: Any) -> None:
     """Call the kernels once before the children are forked: they then start without compiling."""
-    # Here, because importing the kernels takes seconds that a Celery command like `inspect` need not wait.
+    # Here, because importing the kernels takes seconds that a Celery command like `report` need not wait.
     from worker.evaluate import compile_kernels as compile_now
 
     compile_now()

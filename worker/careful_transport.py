@@ -1,6 +1,9 @@
-"""kombu's Redis transport, which ends a worker that receives something else than a message; this one drops it.
+"""kombu's Redis transport, which ends a worker over what it receives; this one reads on, or waits and asks again.
 
-Whoever can write to the broker could otherwise end every worker, and the job that it holds, with one line.
+Two things end the worker of kombu's own. Something that is no message: whoever can write to the broker could end
+every worker, and the job that it holds, with one line; it is dropped. And every refusal: a broker whose disk or
+memory is full, one that has become a replica or lost its own, one whose rights or keys were changed; it counts as
+a broker that is away, which is asked again every few seconds until it takes writes.
 """
 
 from __future__ import annotations
@@ -8,13 +11,20 @@ from __future__ import annotations
 from typing import Any
 
 import structlog
-from kombu import transport
+from celery.app.amqp import AMQP
+from kombu import Connection, transport
 from kombu.transport.redis import Channel, Transport
+from redis import RedisError
+
+from service.queue import try_broker
 
 log = structlog.get_logger(__name__)
 
 # What reading raises where an item is no JSON, no message, or one without its parts.
 NO_MESSAGE = (ValueError, KeyError, TypeError, AttributeError)
+
+# Celery's own pauses grow to 30 s, and for so long the queue would wait for its workers after an outage.
+ASK_AGAIN_S = 2.0
 
 
 class CarefulChannel(Channel):
@@ -29,9 +39,39 @@ class CarefulChannel(Channel):
 
 
 class CarefulTransport(Transport):
-    """As kombu's, over these channels."""
+    """As kombu's, over these channels; a refusal is a lost connection."""
 
     Channel = CarefulChannel
+    # Refusals are known by their texts (MISCONF, NOREPLICAS, WRONGTYPE, ...) and have no classes of their own.
+    connection_errors = (*Transport.connection_errors, RedisError)
+
+    def create_channel(self, connection: Any) -> Any:
+        """Raises redis.RedisError where the broker refuses, too.
+
+        Asked here, where whoever connects pauses between its tries: a refusal later restarts the consumer at once.
+        """
+        channel = super().create_channel(connection)
+        try:
+            try_broker(channel.client)
+        except RedisError:
+            channel.close()
+            raise
+        return channel
+
+
+class SteadyConnection(Connection):
+    """Tries again after the same short pause each time."""
+
+    def ensure_connection(self, *args: Any, **kwargs: Any) -> Any:
+        """As kombu's, with these pauses."""
+        pauses = {"interval_start": ASK_AGAIN_S, "interval_step": 0.0, "interval_max": ASK_AGAIN_S}
+        return super().ensure_connection(*args, **{**kwargs, **pauses})
+
+
+class SteadyAMQP(AMQP):
+    """What a Celery application makes its connections with."""
+
+    Connection = SteadyConnection
 
 
 def use_careful_transport() -> None:

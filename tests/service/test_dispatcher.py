@@ -16,13 +16,13 @@ from typing import Any
 import pytest
 import redis
 
-from service import broker
 from service.db import read_models
 from service.db.session import Database
 from service.dispatcher import Dispatcher, run_dispatcher
 from service.domain.states import JobKind, JobState
 from service.queue import BROKER_SETTINGS, QUEUE_NAME, BrokerAway, Publisher
 from service.settings import Settings
+from tests.builders.refusals import REFUSALS, Server, running_valkey
 from tests.builders.studies import a_simulate_job, a_study, claimed, job, let_lease_expire, open_jobs
 
 
@@ -32,18 +32,14 @@ def broker_settings(tmp_path_factory: pytest.TempPathFactory, sqlite_database: D
 
 
 @pytest.fixture
-def valkey(broker_settings: Settings) -> Iterator[redis.Redis]:
-    broker.prepare_folders(broker_settings)
-    server = subprocess.Popen(broker.server_command(broker_settings), stdout=subprocess.DEVNULL)
-    client = redis.Redis(unix_socket_path=str(broker_settings.broker_socket))
-    deadline = time.monotonic() + 10.0
-    while not broker.is_up(broker_settings.resolved_broker_url):
-        assert time.monotonic() < deadline, "the broker does not start"
-        time.sleep(0.02)
-    yield client
-    client.close()
-    server.kill()
-    server.wait()
+def server(broker_settings: Settings) -> Iterator[Server]:
+    with running_valkey(broker_settings) as running:
+        yield running
+
+
+@pytest.fixture
+def valkey(server: Server) -> redis.Redis:
+    return server.client
 
 
 def messages(client: redis.Redis) -> list[tuple[str, Any]]:
@@ -98,6 +94,35 @@ def test_a_broker_that_is_away_costs_nothing_and_is_reported(
             (row,) = read_models.seen_lately(session, "dispatcher", 5.0)
         assert row.problem is not None
         assert "rror" in row.problem
+
+
+@pytest.mark.parametrize("name", REFUSALS)
+def test_a_broker_that_refuses_writes_is_away_until_it_takes_them(
+    server: Server, broker_settings: Settings, sqlite_database: Database, name: str
+) -> None:
+    refusal = REFUSALS[name]
+    with Publisher(broker_settings.resolved_broker_url) as publisher:
+        dispatcher = Dispatcher(sqlite_database, publisher)
+        first = a_study(sqlite_database)
+        assert dispatcher.publish() == 1
+        refusal.begin(server)
+        second = a_study(sqlite_database)
+        assert dispatcher.publish() == 0
+        assert job(sqlite_database, open_jobs(sqlite_database, second)[0]).published_at is None
+        dispatcher.report()
+        with sqlite_database.reading() as session:
+            (row,) = read_models.seen_lately(session, "dispatcher", 60.0)
+        assert row.problem is not None
+        assert refusal.text in row.problem
+        refusal.end(server)
+        dispatcher.report()
+        assert dispatcher.publish() == 1
+    told = [arguments for _, arguments in messages(server.client)]
+    assert open_jobs(sqlite_database, second) in told
+    assert (open_jobs(sqlite_database, first) in told) is (name != "queue is no list")
+    with sqlite_database.reading() as session:
+        (row,) = read_models.seen_lately(session, "dispatcher", 60.0)
+    assert row.problem is None
 
 
 def test_a_broker_that_never_answers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
