@@ -50,7 +50,7 @@ class CarefulTransport(Transport):
 
         Asked here, where whoever connects pauses between its tries: a refusal later restarts the consumer at once.
         """
-        channel = super().create_channel(connection)
+        channel: Any = super().create_channel(connection)
         try:
             try_broker(channel.client)
         except RedisError:
