@@ -139,7 +139,7 @@ A_REPORT: dict[str, Any] = {
     "which_test_next": [{"text": "Mass on the base: the spread of friction is expected to shrink to 40 %."}],
     "ensemble": {
         "members": [
-            {"x": {"rolling_resistance": n / 10}, "window_probability": 0.9, "weight": 0.25} for n in range(4)
+            {"x": {"rolling_resistance": n / 10}, "window_probability": 0.9, "weight": 0.2} for n in range(5)
         ],
         "level": 0.5,
         "text": "as far apart as can be",

@@ -66,11 +66,11 @@ def test_an_ensemble_is_the_first_members(client: TestClient, sqlite_database: D
     members = client.get(f"{at}?n=2").json()["members"]
     assert [member["x"] for member in members] == [{"rolling_resistance": 0.0}, {"rolling_resistance": 0.1}]
     assert "weight" not in members[0], "it would be another among two"
-    assert client.get(f"{at}?n=4").json()["members"] == A_REPORT["ensemble"]["members"]
-    refused = client.get(f"{at}?n=5")
+    assert client.get(f"{at}?n=5").json()["members"] == A_REPORT["ensemble"]["members"]
+    refused = client.get(f"{at}?n=6")
     assert (refused.status_code, refused.json()["errors"][0]["allowed"]) == (
         422,
-        "1 to 4, which the report has",
+        "1 to 5, which the report has",
     )
     assert client.get(f"{at}?n=0").status_code == 422
 
