@@ -45,6 +45,7 @@ from service.dashboard import (
     scene_routes,
     start_page,
 )
+from service.dashboard.compressed_pages import CompressedPages
 from service.db.session import Database
 from service.logs import configure_logs
 from service.settings import Settings, get_settings
@@ -111,6 +112,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     install_handlers(app)
     large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH, geometries.GEOMETRIES_PATH)
     by_path = dict.fromkeys(large, settings.max_import_bytes)
+    app.add_middleware(CompressedPages)
     app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes, by_path=by_path)
     # The last one added is the outermost: a body is read of nobody who may not send it, and refusals have the
     # same headers as answers.

@@ -108,14 +108,16 @@ def a_design_with_grains(database: Database, settings: Settings, count: int = GR
     return designs(database, study_id)[0].id
 
 
-def a_charge_with_grains(database: Database, settings: Settings, with_series: bool = True) -> int:
-    """The id of a finished charge with its grains over time and its walls, or with neither."""
+def a_charge_with_grains(
+    database: Database, settings: Settings, with_series: bool = True, count: int = 12
+) -> int:
+    """The id of a finished charge with its `count` grains over time and its walls, or with neither."""
     (charge_id,) = charges(database)
     folder = settings.artifacts_dir
     folder.mkdir(parents=True, exist_ok=True)
     files = (
         (
-            stored(a_series_file(folder), "spheres", settings),
+            stored(a_series_file(folder, count=count), "spheres", settings),
             stored(a_walls_file(folder), "walls", settings),
         )
         if with_series

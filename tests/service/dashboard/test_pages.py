@@ -261,9 +261,26 @@ def test_the_document_of_the_api_does_not_list_pages(client: TestClient) -> None
 def test_a_study_of_500_designs_is_a_light_page(client: TestClient, sqlite_database: Database) -> None:
     study_id = a_study(sqlite_database, budget=600)
     add_finished_designs(sqlite_database, study_id, 500)
-    response = client.get(f"/studies/{study_id}")
+    response = client.get(f"/studies/{study_id}", headers={"Accept-Encoding": "gzip"})
     assert response.status_code == 200
     assert len(response.content) < 1_200_000
+    assert response.headers["content-encoding"] == "gzip"
+    assert int(response.headers["content-length"]) < 100_000
+
+
+def test_pages_go_out_by_gzip_and_the_api_as_it_is(client: TestClient, sqlite_database: Database) -> None:
+    study_id = a_study(sqlite_database)
+    for path, encoding in (
+        (f"/studies/{study_id}", "gzip"),
+        (f"/v1/studies/{study_id}", None),
+        ("/openapi.json", "gzip"),
+        ("/metrics", None),
+    ):
+        response = client.get(path, headers={"Accept-Encoding": "gzip"})
+        assert response.status_code == 200
+        assert response.headers.get("content-encoding") == encoding, path
+    plain = client.get(f"/studies/{study_id}", headers={"Accept-Encoding": "identity"})
+    assert "content-encoding" not in plain.headers and "Accept-Encoding" in plain.headers["vary"]
 
 
 def test_sources_name_no_outside_address() -> None:
