@@ -71,6 +71,10 @@ compare-workers: $(READY)
 serve: $(READY)
 	@exec $(BIN)/talus serve
 
+# Some machines set it for all. Every process that starts would then compile its packages' sources anew: 5.9 s of
+# processor time instead of 2.3 for the API's imports, 9.8 instead of 3.8 for a worker's (two busy cores).
+unexport PYTHONDONTWRITEBYTECODE
+
 # One thread of linear algebra for each process: its matrices are small, and a second thread only waits (the tests
 # of the diagnosis took 3.7 times the processor time).
 test test-browser slow: export OPENBLAS_NUM_THREADS := 1
@@ -89,7 +93,7 @@ slow: $(DEV)
 
 faults: $(DEV)
 	@$(BIN)/python -m tests.faults --schedules "$(or $(SCHEDULES),200)" --seed "$(or $(SEED),1)" \
-	  $(if $(BACKEND),--backend "$(BACKEND)")
+	  $(if $(BACKEND),--backend "$(BACKEND)") $(if $(LEASE),--lease "$(LEASE)") $(if $(WINDOW),--window "$(WINDOW)")
 
 outages: $(DEV)
 	@$(BIN)/python -m tests.faults.outages

@@ -12,10 +12,6 @@ import stat
 from importlib.resources import files
 from pathlib import Path
 
-import redis
-from redis.backoff import NoBackoff
-from redis.retry import Retry
-
 from service.settings import Settings, StartupError
 
 
@@ -59,6 +55,11 @@ def prepare_folders(settings: Settings) -> None:
 
 def is_up(url: str, timeout_seconds: float = 1.0) -> bool:
     """True if the broker at `url` (any of settings.BROKER_SCHEMES) answers a PING in time."""
+    # Here, because whoever only asks for the server's command would wait for the client at its start.
+    import redis
+    from redis.backoff import NoBackoff
+    from redis.retry import Retry
+
     client_url = "unix://" + url.removeprefix("redis+socket://") if url.startswith("redis+socket://") else url
     client = redis.Redis.from_url(
         client_url,

@@ -29,7 +29,6 @@ from service.client.rest import Client, RefusedError, ServiceAwayError
 from service.client.tables import noise_lines
 from service.code_version import demcore_hash
 from service.file_store import StoreAway, artifact_store
-from service.first_key import first_key_lines
 from service.settings import Settings, StartupError, describe_problems, get_settings
 
 BAD_INPUT = 2
@@ -142,6 +141,7 @@ def _diagnose(folder: Path, argument: str, as_json: bool, chosen: dict[str, Any]
 def migrate(no_key: bool) -> None:
     """Bring the database to the newest schema; where keys are asked for and there is none, make the first."""
     from service.db.migrate import upgrade
+    from service.first_key import first_key_lines
 
     settings = get_settings()
     settings.data_dir.mkdir(parents=True, exist_ok=True)

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import IO, Any, Protocol
-
-from fsspec import AbstractFileSystem
-from fsspec.core import url_to_fs
+from typing import IO, TYPE_CHECKING, Any, Protocol
 
 from service.settings import Settings, StartupError
+
+if TYPE_CHECKING:
+    from fsspec import AbstractFileSystem
 
 # Two processes on one machine may store or fetch the same file at once: each writes aside, under its own name.
 ASIDE = ".incoming-"
@@ -216,6 +216,8 @@ def _store(url: str | None, folder: Path) -> FileStore:
 @lru_cache(maxsize=4)
 def _connected(url: str) -> tuple[AbstractFileSystem, str]:
     """The file system and the path on it. Its own settings (keys, endpoint) come from its usual variables."""
+    from fsspec.core import url_to_fs
+
     try:
         # A kept listing would hide what another machine stored.
         found: tuple[AbstractFileSystem, str] = url_to_fs(url, use_listings_cache=False)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from service.db.session import Database
 from service.settings import Settings
-from service.studies.manage_keys import create_first_key
 
 
 def first_key_lines(settings: Settings) -> list[str]:
     """What to print: the key of an installation that asks for keys and never had one; else nothing."""
     if not settings.asks_for_keys:
         return []
+    # The supervisor of an installation that asks for no keys needs no database code at all.
+    from service.db.session import Database
+    from service.studies.manage_keys import create_first_key
+
     database = Database(settings.resolved_database_url)
     with database.writing() as session:
         key = create_first_key(session)

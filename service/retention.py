@@ -19,12 +19,11 @@ from sqlalchemy.orm import Session
 from service.db import queries
 from service.db.models import ArtifactRow, ChargeRow, DesignRow, DiagnosisRow, JobRow, StudyRow
 from service.db.session import Database
+from service.domain.files import LARGE_KINDS
 from service.domain.states import OPEN_JOBS
 from service.file_store import ASIDE, FileStore, FolderStore, ObjectStore, artifact_store, geometry_store
 from service.settings import Settings
 
-# The large ones: particles and time series. Pictures, reports and summaries stay unless they are named.
-LARGE_KINDS = ("vtkhdf", "result", "spheres", "walls")
 DAY_S = 86_400.0
 FRESH_S = 3_600.0
 CHECKPOINT = "checkpoint of a job that is over"

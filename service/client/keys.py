@@ -1,28 +1,33 @@
-"""`talus keys`: for whoever may write to the installation's database; no key is needed for it."""
+"""`talus keys`: for whoever may write to the installation's database; no key is needed for it.
+
+What opens the database is imported by the commands: every other command would wait for SQLAlchemy at its start.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 from rich.table import Table
-from sqlalchemy.orm import Session
 
-from service.db.access_reads import find_key, list_keys
-from service.db.session import Database
 from service.domain.access import DEFAULT_PROJECT, Scope
 from service.domain.errors import InvalidValue
 from service.settings import get_settings
-from service.studies.manage_keys import create_key, revoke_key
+
+if TYPE_CHECKING:
+    from sqlalchemy.orm import Session
 
 MOST_LISTED = 1000
 
 
 @contextmanager
 def _writing() -> Iterator[Session]:
+    from service.db.session import Database
+
     database = Database(get_settings().resolved_database_url)
     with database.writing() as session:
         yield session
@@ -42,6 +47,8 @@ def keys_command() -> None:
 @click.option("--project", default=DEFAULT_PROJECT, show_default=True, help="what the key makes and sees")
 def create(name: str, scope: str, project: str) -> None:
     """Make a key and print it, once."""
+    from service.studies.manage_keys import create_key
+
     with _writing() as session:
         try:
             _, key = create_key(session, name, Scope(scope), project)
@@ -55,6 +62,8 @@ def create(name: str, scope: str, project: str) -> None:
 @keys_command.command("list")
 def show() -> None:
     """All keys, newest first."""
+    from service.db.access_reads import list_keys
+
     table = Table("prefix", "name", "scope", "project", "made", "revoked")
     with _writing() as session:
         for row in list_keys(session, MOST_LISTED, None):
@@ -68,6 +77,9 @@ def show() -> None:
 @click.argument("prefix")
 def revoke(prefix: str) -> None:
     """Take a key back, and end the sessions that it opened."""
+    from service.db.access_reads import find_key
+    from service.studies.manage_keys import revoke_key
+
     with _writing() as session:
         row = find_key(session, prefix)
         if row is None:

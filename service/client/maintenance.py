@@ -1,4 +1,7 @@
-"""`talus backup`, `talus restore`, `talus retention`: for whoever keeps the installation."""
+"""`talus backup`, `talus restore`, `talus retention`: for whoever keeps the installation.
+
+What opens the database is imported by the commands that do: SQLAlchemy is half of what a command's start costs.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,8 @@ from pathlib import Path
 
 import click
 
-from service.backup import BackupError, make_backup, restore_backup
-from service.db.session import Database
+from service.domain.files import LARGE_KINDS
 from service.installation_lock import find_running
-from service.retention import LARGE_KINDS, Rule, find_removable, remove
 from service.settings import StartupError, get_settings
 
 FILE = click.Path(dir_okay=False, path_type=Path)
@@ -19,6 +20,8 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 @click.argument("file", type=FILE)
 def backup(file: Path) -> None:
     """Write the whole installation (rows and stored files) into FILE, a tar. The service may run meanwhile."""
+    from service.backup import BackupError, make_backup
+
     try:
         click.echo(f"{file}: {make_backup(get_settings(), file.resolve()).sentence()}")
     except BackupError as error:
@@ -29,6 +32,8 @@ def backup(file: Path) -> None:
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 def restore(file: Path) -> None:
     """Put the backup FILE into an installation that holds nothing yet."""
+    from service.backup import BackupError, restore_backup
+
     settings = get_settings()
     running = find_running(settings)
     if running is not None:
@@ -49,6 +54,9 @@ def restore(file: Path) -> None:
 @click.option("--delete", is_flag=True, help="remove them; without, they are only listed")
 def retention(older_than: float, kinds: tuple[str, ...], delete: bool) -> None:
     """List stored files that may go, or remove them. Rows, with every number, stay."""
+    from service.db.session import Database
+    from service.retention import Rule, find_removable, remove
+
     settings = get_settings()
     database = Database(settings.resolved_database_url)
     found = find_removable(database, settings, Rule(older_than, kinds or LARGE_KINDS))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -70,3 +72,28 @@ def test_migrate_makes_the_database_and_may_run_again() -> None:
 def test_without_words_it_helps(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     assert "serve" in capsys.readouterr().out
+
+
+# What opens the database, talks to the broker, computes or reads an object store.
+HEAVY = {"sqlalchemy", "alembic", "redis", "celery", "kombu", "numba", "numpy", "scipy", "fastapi", "fsspec"}
+
+
+def test_a_command_that_asks_the_service_loads_nothing_heavy() -> None:
+    """SQLAlchemy and redis were two thirds of what every command took to start."""
+    program = (
+        "import sys; from service.cli import main; "
+        "codes = [main(words) for words in (['--help'], ['status'], ['retention', '--help'], ['version'])]; "
+        "import service.supervisor; print(*codes); print(*sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=Path(__file__).resolve().parents[2],
+    )
+    *_, codes, modules = done.stdout.splitlines()
+    assert codes.split() == ["0", "1", "0", "0"]
+    loaded = {name.partition(".")[0] for name in modules.split()}
+    assert {"service", "click", "httpx"} <= loaded
+    assert HEAVY & loaded == set()
