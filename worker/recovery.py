@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import errno
 import os
-import time
 from collections.abc import Callable
 
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
+from tenacity import Retrying, retry_if_exception_type, stop_after_delay, wait_fixed
 
 from demcore.errors import SimulationError
 from service.db.session import Database
@@ -71,12 +71,11 @@ def persist(
     database: Database, write: Callable[[Session], bool], patience_s: float = RECORD_PATIENCE_S
 ) -> bool:
     """Run `write` in a transaction; while the database is away, again, until patience ends. False: fenced."""
-    deadline = time.monotonic() + patience_s
-    while True:
-        try:
-            with database.writing() as session:
-                return write(session)
-        except (OperationalError, InterfaceError, PoolTimeout):
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(RECORD_PAUSE_S)
+
+    def record() -> bool:
+        with database.writing() as session:
+            return write(session)
+
+    away = retry_if_exception_type((OperationalError, InterfaceError, PoolTimeout))
+    pause = wait_fixed(RECORD_PAUSE_S)
+    return Retrying(stop=stop_after_delay(patience_s), wait=pause, retry=away, reraise=True)(record)

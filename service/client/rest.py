@@ -1,4 +1,8 @@
-"""The REST API as the command line uses it: a few calls, and a study's events as they happen."""
+"""The REST API as the command line uses it: a few calls, and a study's events as they happen.
+
+A service that has answered and is then away (it restarts, its database does) is waited for wherever something is
+only read, so that a command that follows a night's work outlives it.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from types import TracebackType
 from typing import Any, Self
 
 import httpx
+from tenacity import Retrying, retry_if_exception_type, stop_after_delay, wait_fixed
 
 from service.settings import get_settings
 
@@ -21,7 +26,8 @@ AWAY_SECONDS = 60.0
 # To connect, and to wait for an answer: a charge's plant is checked before it is stored, which takes seconds on a
 # machine whose cores simulate.
 CONNECT_SECONDS = 10.0
-TIMEOUT = httpx.Timeout(CONNECT_SECONDS, read=60.0)
+READ_SECONDS = 60.0
+TIMEOUT = httpx.Timeout(CONNECT_SECONDS, read=READ_SECONDS)
 # A study of thousands of designs is a file of tens of megabytes.
 FILE_SECONDS = 120.0
 
@@ -35,7 +41,7 @@ class RefusedError(Exception):
 
 
 class ServiceAwayError(Exception):
-    """The service does not answer."""
+    """The service does not answer, or says that it cannot at the moment."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,7 @@ class Client:
         key = get_settings().api_key if api_key is None else api_key
         headers = {} if key is None else {"Authorization": f"Bearer {key}"}
         self._http = httpx.Client(base_url=base_url, timeout=TIMEOUT, transport=transport, headers=headers)
+        self._has_answered = False
 
     def __enter__(self) -> Self:
         return self
@@ -213,12 +220,23 @@ class Client:
         return content
 
     def _send(self, method: str, path: str, good: tuple[int, ...] = (), **request: Any) -> httpx.Response:
+        """Reading is tried again, writing is not: what it did before the answer was lost is not known."""
+        waits = method == "GET" and self._has_answered
+        patience = stop_after_delay(AWAY_SECONDS + READ_SECONDS if waits else 0.0)
+        away = retry_if_exception_type(ServiceAwayError)
+        again = Retrying(stop=patience, wait=wait_fixed(RECONNECT_SECONDS), retry=away, reraise=True)
+        return again(self._send_once, method, path, good, **request)
+
+    def _send_once(self, method: str, path: str, good: tuple[int, ...], **request: Any) -> httpx.Response:
         try:
             answer = self._http.request(method, path, **request)
         except httpx.TransportError as error:
             raise ServiceAwayError(f"no service answers at {self.base_url} ({error})") from error
         if answer.is_error and answer.status_code not in good:
+            if answer.status_code == httpx.codes.SERVICE_UNAVAILABLE:
+                raise ServiceAwayError(detail_of(answer))
             raise RefusedError(answer.status_code, detail_of(answer))
+        self._has_answered = True
         return answer
 
 

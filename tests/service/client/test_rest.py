@@ -100,3 +100,59 @@ def test_an_unready_service_still_says_what_is_missing() -> None:
     body = {"ready": False, "checks": {"schema": {"ok": False, "reason": "old"}}}
     with Client("http://talus", httpx.MockTransport(lambda _: httpx.Response(503, json=body))) as client:
         assert client.readiness()["checks"]["schema"]["reason"] == "old"
+
+
+def scripted(*answers: httpx.Response | Exception) -> httpx.MockTransport:
+    """One answer after the other; the last one again and again."""
+    left = list(answers)
+
+    def answer(_request: httpx.Request) -> httpx.Response:
+        found = left.pop(0) if len(left) > 1 else left[0]
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    return httpx.MockTransport(answer)
+
+
+GONE = httpx.ConnectError("connection refused")
+BUSY = httpx.Response(503, json={"detail": "the database does not answer"})
+
+
+def test_who_follows_a_charge_outlives_a_restart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rest, "RECONNECT_SECONDS", 0.0)
+    running, over = (httpx.Response(200, json={"state": state}) for state in ("RUNNING", "COMPLETE"))
+    with Client("http://talus", scripted(running, GONE, GONE, BUSY, over)) as client:
+        assert client.charge(1)["state"] == "RUNNING"
+        assert client.charge(1)["state"] == "COMPLETE"
+
+
+def test_one_that_stays_away_is_told_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("RECONNECT_SECONDS", "AWAY_SECONDS", "READ_SECONDS"):
+        monkeypatch.setattr(rest, name, 0.01)
+    with Client("http://talus", scripted(httpx.Response(200, json={}), BUSY)) as client:
+        client.charge(1)
+        with pytest.raises(ServiceAwayError, match="the database does not answer"):
+            client.charge(1)
+
+
+def test_one_that_never_answered_is_not_waited_for() -> None:
+    """`talus status` without a service ends at once: patience would be some minutes."""
+    asked = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        asked.append(request)
+        raise GONE
+
+    with Client("http://talus", httpx.MockTransport(answer)) as client, pytest.raises(ServiceAwayError):
+        client.charge(1)
+    assert len(asked) == 1
+
+
+def test_nothing_is_written_twice() -> None:
+    """An answer that was lost may have been one to a job that is there."""
+    answers = scripted(httpx.Response(200, json={}), GONE, httpx.Response(201, json={"id": 1}))
+    with Client("http://talus", answers) as client:
+        client.charge(1)
+        with pytest.raises(ServiceAwayError):
+            client.create_study({"material": "coke"})
