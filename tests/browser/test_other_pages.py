@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from typing import TYPE_CHECKING
 
 import pytest
+from pypdf import PdfReader
 
 from service.db.session import Database
 from service.settings import Settings
-from tests.browser.chromium import PHONE
+from tests.browser.chromium import PHONE, wait_until
 from tests.builders import piles
-from tests.builders.studies import a_study, designs
+from tests.builders.studies import a_finished_study, a_study, designs
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -101,3 +103,16 @@ def test_text_is_readable_and_nothing_runs_off_a_phone(
         assert over <= 0, address
         contrast = page.evaluate(LEAST_CONTRAST)
         assert contrast[0] >= 4.5, (address, contrast)
+
+
+def test_a_printed_study_holds_its_charts_and_its_table(page: Page, sqlite_database: Database) -> None:
+    """On A4: a chart's axis is on the sheet of its title, the table is whole, the screen's tools are gone."""
+    page.goto(f"/studies/{a_finished_study(sqlite_database)}")
+    wait_until(page, "document.querySelectorAll('[data-chart][data-drawn]').length > 0")
+    printed = PdfReader(BytesIO(page.pdf(format="A4", print_background=True)))
+    texts = [sheet.extract_text() for sheet in printed.pages]
+    (chart,) = [text for text in texts if "Repose angle of each simulation" in text]
+    assert "simulation number" in chart and "repose angle, degrees" in chart
+    # The tabs stay on the screen; the table's last column does not.
+    assert not any("Compare" in text for text in texts)
+    assert any("Literal" in text and "this" in text for text in texts), texts

@@ -22,6 +22,8 @@ const CONFIG = {
 };
 
 const NARROW_PX = 480;
+// A chart on paper, in CSS pixels: as wide as a card on A4. content.css gives its box this height.
+const PRINTED = { width: 640, height: 320, autosize: false };
 
 let latest = {};
 let plotly = null;
@@ -89,10 +91,19 @@ export function drawCharts(charts = latest) {
   return Promise.all([...document.querySelectorAll("[data-chart]")].map(draw));
 }
 
+// The page's width changes on paper, and plotly measures it too early: a chart would reach into the next one.
+function fit(layout) {
+  for (const box of document.querySelectorAll("[data-chart][data-drawn]")) {
+    window.Plotly.relayout(box, layout);
+  }
+}
+
 export function startCharts() {
   const source = document.getElementById("charts");
   if (source) {
     onThemeChange(() => drawCharts());
+    window.addEventListener("beforeprint", () => fit(PRINTED));
+    window.addEventListener("afterprint", () => fit({ width: undefined, height: undefined, autosize: true }));
     drawCharts(JSON.parse(source.textContent));
   }
 }
