@@ -17,6 +17,7 @@ from service.db import read_charges
 from service.db.read_charges import ChargeView
 from service.errors import Conflict, FieldError, InvalidRequest, NotFound
 from service.studies.cancel_job import JobNotCancellable, cancel_job
+from service.studies.check_charges import check_charges
 from service.studies.create_charges import create_charges
 from service.studies.create_study import KeyReused
 
@@ -36,9 +37,11 @@ def post_charges(
     """Ask for a charge of each seed and parameter set. Plant, masses and meshes are checked whole before anything
     is stored, and the answer tells what it will take."""
     request = body.to_request()
+    with database.reading() as session:
+        checked = check_charges(session, request, geometries.local)
     with database.writing() as session:
         try:
-            rows, _ = create_charges(session, request, geometries.local, idempotency_key)
+            rows, _ = create_charges(session, checked, idempotency_key)
         except KeyReused as error:
             refusal = FieldError("Idempotency-Key", idempotency_key, f"a new key: this one {error}")
             raise InvalidRequest.of(refusal) from error

@@ -1,23 +1,22 @@
-"""What work would take, asked before it starts: the same body as starts it, the same refusals, nothing stored."""
+"""What work would take, asked before it starts: the same body as starts it, the same refusals, nothing stored.
+
+Only reads: a form asks at every pause of its user's typing, and the check of a charge may take seconds, for which
+an SQLite database would take no other writer.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
-from sqlalchemy.orm import Session
 
 from service.api.charge_body import ChargeBody
 from service.api.dependencies import DatabaseDep, GeometriesDep
 from service.api.diagnosis_views import DiagnosisBody
 from service.api.problems import problem_responses
 from service.api.study_body import StudyBody
-from service.db.session import Database
-from service.studies.create_charges import create_charges
-from service.studies.create_diagnosis import create_diagnosis
-from service.studies.create_study import create_study
+from service.studies.check_charges import check_charges
+from service.studies.create_diagnosis import check_diagnosis
+from service.studies.create_study import check_study
 from service.studies.estimate_study import expected_study_cost
 
 router = APIRouter(prefix="/v1", tags=["estimates"])
@@ -31,24 +30,12 @@ class EstimateAnswer(BaseModel):
     text: str
 
 
-@contextmanager
-def _trial(database: Database) -> Iterator[Session]:
-    """What is written within is taken back: so the refusals are those of the real request, whole."""
-    with database.writing() as session:
-        savepoint = session.begin_nested()
-        try:
-            yield session
-        finally:
-            if savepoint.is_active:
-                savepoint.rollback()
-
-
 @router.post("/studies/estimate", operation_id="estimateStudy", responses=problem_responses(422))
 def post_study_estimate(body: StudyBody, database: DatabaseDep) -> EstimateAnswer:
     """What this study would take; refused as the study itself would be."""
     spec = body.to_spec()
-    with _trial(database) as session:
-        create_study(session, spec)
+    with database.reading() as session:
+        check_study(session, spec)
         cost = expected_study_cost(session, spec)
     return EstimateAnswer(runs=cost.simulations, seconds=cost.seconds, text=cost.text)
 
@@ -59,8 +46,8 @@ def post_charge_estimate(
 ) -> EstimateAnswer:
     """What these charges would take; refused as they themselves would be."""
     request = body.to_request()
-    with _trial(database) as session:
-        costs = [row.cost for row in create_charges(session, request, geometries.local)[0]]
+    with database.reading() as session:
+        costs = [one.cost for one in check_charges(session, request, geometries.local)]
     text = costs[0]["text"] if len(costs) == 1 else f"{len(costs)} charges, each: {costs[0]['text']}"
     return EstimateAnswer(runs=len(costs), seconds=sum(cost["seconds"] for cost in costs), text=text)
 
@@ -69,6 +56,6 @@ def post_charge_estimate(
 def post_diagnosis_estimate(body: DiagnosisBody, database: DatabaseDep) -> EstimateAnswer:
     """What this diagnosis would take; refused as it itself would be."""
     spec = body.to_spec()
-    with _trial(database) as session:
-        cost = create_diagnosis(session, spec)[0].cost
-    return EstimateAnswer(runs=cost["runs"], seconds=3600.0 * cost["hours"], text=cost["text"])
+    with database.reading() as session:
+        cost = check_diagnosis(session, spec)
+    return EstimateAnswer(runs=cost.runs, seconds=3600.0 * cost.hours, text=cost.sentence())

@@ -11,7 +11,7 @@ from service.api.dependencies import DatabaseDep, GeometriesDep, RowId
 from service.api.problems import problem_responses
 from service.db.models import GeometryRow
 from service.errors import NotFound
-from service.studies.store_geometry import store_geometry
+from service.studies.store_geometry import keep_mesh, store_geometry
 
 router = APIRouter(prefix="/v1/geometries", tags=["charges"])
 
@@ -42,8 +42,9 @@ def post_geometry(
     geometries: GeometriesDep,
 ) -> GeometryAnswer:
     """Upload a mesh, the file's bytes as the body. Its unit is said where it is used."""
+    mesh = keep_mesh(geometries, file_name, content)
     with database.writing() as session:
-        return GeometryAnswer.of(store_geometry(session, geometries, file_name, content))
+        return GeometryAnswer.of(store_geometry(session, mesh))
 
 
 @router.get("/{geometry_id}", operation_id="getGeometry", responses=problem_responses(404, 422))

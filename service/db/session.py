@@ -24,6 +24,15 @@ from service.db.visibility import restrict
 # How long a statement waits for another writer, and a connection for the server; then the client gets a 503.
 LOCK_TIMEOUT_S = 5.0
 
+# As many as an API has threads for requests (anyio): with fewer, requests on a slow machine would wait for
+# each other's connections, and then be told that the database is away.
+KEPT_CONNECTIONS, MOST_CONNECTIONS = 5, 40
+POOL: dict[str, Any] = {
+    "pool_size": KEPT_CONNECTIONS,
+    "max_overflow": MOST_CONNECTIONS - KEPT_CONNECTIONS,
+    "pool_timeout": LOCK_TIMEOUT_S,
+}
+
 # Without, a server whose machine vanished is waited for as long as TCP likes: two hours.
 NOTICES_A_DEAD_SERVER = {
     "keepalives": 1,
@@ -82,7 +91,9 @@ def make_engine(url: str) -> Engine:
         path = Path(parsed.database)
         path.parent.mkdir(parents=True, exist_ok=True)
         refuse_network_file_system(path)
-        engine = create_engine(parsed, json_serializer=dumps, connect_args={"timeout": LOCK_TIMEOUT_S})
+        engine = create_engine(
+            parsed, json_serializer=dumps, connect_args={"timeout": LOCK_TIMEOUT_S}, **POOL
+        )
         event.listen(engine, "connect", _set_up_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
         return engine
@@ -91,8 +102,8 @@ def make_engine(url: str) -> Engine:
         parsed,
         json_serializer=dumps,
         pool_pre_ping=True,
-        pool_timeout=LOCK_TIMEOUT_S,
         connect_args={"connect_timeout": int(LOCK_TIMEOUT_S), "options": options, **NOTICES_A_DEAD_SERVER},
+        **POOL,
     )
 
 

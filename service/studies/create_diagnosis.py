@@ -14,7 +14,7 @@ from service.db.models import DataSetRow, DiagnosisRow, JobRow
 from service.domain.data_set.columns import OBSERVABLES_OF, SURFACES
 from service.domain.data_set.records import Condition
 from service.domain.data_set.stored import from_record
-from service.domain.diagnosis import DiagnosisSpec, PlanSpec, expected_cost
+from service.domain.diagnosis import DiagnosisCost, DiagnosisSpec, PlanSpec, expected_cost
 from service.domain.errors import InvalidValue
 from service.domain.measured_pile import cannot_simulate
 from service.domain.states import JobKind
@@ -22,23 +22,18 @@ from service.studies.advance_study import ATTEMPTS
 from service.studies.create_study import KeyReused
 
 
-def create_diagnosis(
-    session: Session, spec: DiagnosisSpec, idempotency_key: str | None = None
-) -> tuple[DiagnosisRow, bool]:
-    """The row, and whether it is new: the same key and request give the stored one again.
+def check_diagnosis(session: Session, spec: DiagnosisSpec) -> DiagnosisCost:
+    """What the diagnosis would take. Reads only.
 
     Raises InvalidValue for a data set that is not there, too thin to say anything, or with a condition that the
     model cannot represent, and for a plan whose candidates are none of its conditions or all
-    of them, or that reads nothing of one; KeyReused.
+    of them, or that reads nothing of one.
     """
     data_set = session.get(DataSetRow, spec.data_set)
     if data_set is None:
         raise InvalidValue("data_set", spec.data_set, "the id of an uploaded data set")
     if spec.plan is None and not data_set.facts["can_be_diagnosed"]:
         raise InvalidValue("data_set", spec.data_set, " ".join(data_set.facts["sentences"]))
-    stored = _stored(session, idempotency_key, spec)
-    if stored is not None:
-        return stored, False
     conditions = from_record(data_set.content).conditions
     if spec.plan is not None:
         _check_plan(spec.plan, conditions)
@@ -46,9 +41,22 @@ def create_diagnosis(
         if (why := cannot_simulate(condition, spec.grains, spec.contact_model)) is not None:
             allowed = f"conditions that the model can represent: {why}"
             raise InvalidValue(f"data_set.{condition.condition}", condition.material, allowed)
-    cost = expected_cost(spec, conditions)
+    return expected_cost(spec, conditions)
+
+
+def create_diagnosis(
+    session: Session, spec: DiagnosisSpec, idempotency_key: str | None = None
+) -> tuple[DiagnosisRow, bool]:
+    """The row, and whether it is new: the same key and request give the stored one again.
+
+    Raises as check_diagnosis, and KeyReused.
+    """
+    stored = _stored(session, idempotency_key, spec)
+    if stored is not None:
+        return stored, False
+    cost = check_diagnosis(session, spec)
     row = DiagnosisRow(
-        data_set_id=data_set.id,
+        data_set_id=spec.data_set,
         spec=spec.as_record(),
         cost={**asdict(cost), "text": cost.sentence()},
         idempotency_key=idempotency_key,

@@ -25,10 +25,8 @@ class KeyReused(ValueError):
     """The idempotency key belongs to another request."""
 
 
-def create_study(
-    session: Session, spec: StudySpec, idempotency_key: str | None = None
-) -> tuple[StudyRow, bool]:
-    """The study's row, and whether it is new: the same key and spec give the stored study again.
+def check_study(session: Session, spec: StudySpec) -> StudySpec:
+    """The study as it would be stored: with its version of the model looked up. Reads only.
 
     Raises InvalidValue for a tolerance under half the noise, for a warm start from a study that it cannot start
     from, and for a version of the model that does not fit.
@@ -36,6 +34,17 @@ def create_study(
     spec = use_model(session, spec)
     check_warm_start(session, spec)
     refuse_tolerance_below_noise(spec, pooled_noise(earlier_studies(session, spec)))
+    return spec
+
+
+def create_study(
+    session: Session, spec: StudySpec, idempotency_key: str | None = None
+) -> tuple[StudyRow, bool]:
+    """The study's row, and whether it is new: the same key and spec give the stored study again.
+
+    Raises as check_study, and KeyReused.
+    """
+    spec = check_study(session, spec)
     record = spec_to_record(spec)
     request_hash = hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
     study = StudyRow(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy import select
+from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from demcore.errors import InputError
@@ -19,10 +21,24 @@ from service.file_store import FileStore
 LONGEST_NAME = 100
 
 
-def store_geometry(session: Session, store: FileStore, file_name: str, content: bytes) -> GeometryRow:
-    """The row; `extent` is the size of the mesh in the file's own unit, which the file does not say.
+@dataclass(frozen=True)
+class KeptMesh:
+    """A mesh that was read and lies in the store, and what its row will say of it."""
 
-    Raises InvalidValue for another format, a file that cannot be read whole, and a mesh that demcore refuses.
+    file_name: str
+    sha256: str
+    size_bytes: int
+    triangles: int
+    extent: dict[str, float | bool]
+    path: str
+
+
+def keep_mesh(store: FileStore, file_name: str, content: bytes) -> KeptMesh:
+    """Read an upload and put it into the store; `extent` is in the file's own unit, which the file does not say.
+
+    Without a transaction: every other writer would wait for a large mesh, or for a store that does not answer.
+    Raises InvalidValue for another format, a file that cannot be read whole, and a mesh that demcore refuses;
+    StoreAway.
     """
     name = Path(file_name).name
     suffix = Path(name).suffix.lower()
@@ -31,29 +47,33 @@ def store_geometry(session: Session, store: FileStore, file_name: str, content: 
             "file_name", file_name, "a short printable name that ends in " + ", ".join(FORMATS)
         )
     sha256 = hashlib.sha256(content).hexdigest()
-    found = session.scalars(select(GeometryRow).where(GeometryRow.sha256 == sha256)).one_or_none()
-    if found is not None:
-        return found
     path = f"{sha256}{suffix}"
     with store.incoming() as folder:
         aside = folder / path
         aside.write_bytes(content)
         try:
             mesh, report = load_mesh(aside, "m")
-            extent = _extent(mesh.vertices)
+            x, y, z = _extent(mesh.vertices)
         except InputError as error:
             raise InvalidValue("geometry", name, error.allowed) from error
         store.put(aside, path)
-    row = GeometryRow(
-        file_name=name,
-        sha256=sha256,
-        size_bytes=len(content),
-        triangles=report.triangles,
-        extent={"x": extent[0], "y": extent[1], "z": extent[2], "watertight": report.watertight},
-        path=path,
-    )
-    session.add(row)
-    session.flush()
+    extent = {"x": x, "y": y, "z": z, "watertight": report.watertight}
+    return KeptMesh(name, sha256, len(content), report.triangles, extent, path)
+
+
+def store_geometry(session: Session, mesh: KeptMesh) -> GeometryRow:
+    """The row; the same bytes give the one that is there."""
+    wanted = select(GeometryRow).where(GeometryRow.sha256 == mesh.sha256)
+    found = session.scalars(wanted).one_or_none()
+    if found is not None:
+        return found
+    row = GeometryRow(**asdict(mesh))
+    try:
+        with session.begin_nested():
+            session.add(row)
+            session.flush()
+    except IntegrityError:  # the same upload came at the same time
+        return session.scalars(wanted).one()
     return row
 
 

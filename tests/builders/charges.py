@@ -16,6 +16,7 @@ from service.domain.charge import ChargeRequest, ChargeSpec
 from service.domain.outcome import ChargeMeasurement, StoredArtifact
 from service.domain.states import JobState
 from service.settings import Settings
+from service.studies.check_charges import check_charges
 from service.studies.claim_job import ChargeClaim, claim_job
 from service.studies.create_charges import create_charges
 from service.studies.record_charge import record_charge
@@ -117,7 +118,8 @@ def a_request(**changes: Any) -> ChargeRequest:
 def charges(database: Database, **changes: Any) -> list[int]:
     """The ids of new charges, with their jobs queued."""
     with database.writing() as session:
-        return [row.id for row in create_charges(session, a_request(**changes), NOWHERE.joinpath)[0]]
+        checked = check_charges(session, a_request(**changes), NOWHERE.joinpath)
+        return [row.id for row in create_charges(session, checked)[0]]
 
 
 def charge(database: Database, charge_id: int) -> ChargeRow:

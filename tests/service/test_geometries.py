@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,10 @@ from fastapi.testclient import TestClient
 from demcore.geometry.mesh_file import save_mesh
 from demcore.plant.plant_file import load_plant
 from demcore.plant.surfaces import deflector_mesh
+from service.db.session import Database
+from service.file_store import FolderStore
+from service.studies.store_geometry import KeptMesh, keep_mesh, store_geometry
+from tests.builders.databases import another_writer
 
 HEADERS = {"Content-Type": "application/octet-stream"}
 
@@ -42,6 +48,32 @@ def test_a_mesh_is_stored_once_and_stands_for_a_part(client: TestClient, stl: by
     made = charged(client, "deflector", {"geometry": 1, "units": "mm"})
     assert made.status_code == 201, made.text
     assert made.json()["items"][0]["spec"]["meshes"]["deflector"]["file_name"] == "mine.stl"
+
+
+def test_a_mesh_is_read_before_the_write_lock_is_taken(
+    client: TestClient, sqlite_database: Database, stl: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def keep(*arguments: Any) -> KeptMesh:
+        with another_writer(sqlite_database):
+            return keep_mesh(*arguments)
+
+    monkeypatch.setattr("service.api.geometries.keep_mesh", keep)
+    assert uploaded(client, stl).status_code == 201
+
+
+def test_the_same_mesh_from_several_at_once_is_one_geometry(
+    database: Database, tmp_path: Path, stl: bytes
+) -> None:
+    mesh = keep_mesh(FolderStore(tmp_path / "geometries"), "mine.stl", stl)
+    together = threading.Barrier(6)
+
+    def store(_number: int) -> int:
+        together.wait()
+        with database.writing() as session:
+            return store_geometry(session, mesh).id
+
+    with ThreadPoolExecutor(6) as pool:
+        assert len(set(pool.map(store, range(6)))) == 1
 
 
 def test_millimetres_read_as_metres_are_refused_with_a_sentence(client: TestClient, stl: bytes) -> None:

@@ -14,6 +14,8 @@ const fields = [...form.querySelectorAll(".field")].map((box) => ({
 const find = (id) => document.getElementById(id);
 const button = find("go");
 const QUIET_MS = 500; // between the last key and the question for the cost
+const BUSY = 503;
+const MOST_TRIES = 4; // of one request that finds the service busy
 
 let files = {};
 let asked = 0;
@@ -114,12 +116,20 @@ function print(body) {
   find("python").textContent = `from service.client.notebook import Talus\n\nwith Talus(${python(window.location.origin)}) as talus:\n    started = talus.${call}(${given}\n    )\n    print(started)`;
 }
 
-function send(path, body, headers = {}) {
-  return fetch(path, {
-    method: "POST",
-    headers: { "Content-Type": "application/json", Accept: "application/json", ...headers },
-    body: JSON.stringify(body),
-  });
+/** Asked again while the service is busy, when it says: an estimate stores nothing, and a start has its key. */
+async function send(path, body, headers = {}, isWanted = () => true) {
+  for (let tries = 1; ; tries += 1) {
+    const answer = await fetch(path, {
+      method: "POST",
+      headers: { "Content-Type": "application/json", Accept: "application/json", ...headers },
+      body: JSON.stringify(body),
+    });
+    const pause = 1000 * Number(answer.headers.get("Retry-After"));
+    if (answer.status !== BUSY || !pause || tries === MOST_TRIES || !isWanted()) {
+      return answer;
+    }
+    await new Promise((resolve) => setTimeout(resolve, pause));
+  }
 }
 
 function clearRefusals() {
@@ -164,15 +174,16 @@ async function askCost(body) {
   const own = (asked += 1);
   find("cost").textContent = "…";
   try {
-    const answer = await send(estimate, body);
+    const answer = await send(estimate, body, {}, () => own === asked);
     const told = await answer.json();
     if (own !== asked) {
       return; // another one was asked since
     }
     clearRefusals();
-    find("cost").textContent = answer.ok ? told.text : "Not known until every field is right.";
+    const why = answer.status === BUSY ? told.detail : "Not known until every field is right.";
+    find("cost").textContent = answer.ok ? told.text : why;
     button.disabled = false;
-    if (!answer.ok) {
+    if (!answer.ok && answer.status !== BUSY) {
       showRefusal(told);
     }
   } catch {

@@ -18,6 +18,8 @@ from service.dashboard.start_fields import (
     study_fields,
 )
 from service.db.session import Database
+from service.studies.check_charges import CheckedCharge, check_charges
+from tests.builders.databases import another_writer
 from tests.builders.diagnoses import a_data_set
 from tests.service.dashboard.test_pages import Addresses
 
@@ -108,6 +110,34 @@ def test_an_estimate_stores_nothing(client: TestClient, sqlite_database: Databas
     assert "2 charges, each: " in charge.json()["text"]
     for path in ("studies", "charges", "jobs"):
         assert client.get(f"/v1/{path}").json()["items"] == [], path
+
+
+def test_an_estimate_waits_for_no_writer(client: TestClient, sqlite_database: Database) -> None:
+    """A form asks at every pause of typing: each question took the write lock, a charge's for seconds."""
+    data_set = a_data_set(sqlite_database)
+    with another_writer(sqlite_database):
+        for path, body in (
+            ("studies", {"material": "pellet"}),
+            ("charges", {"charge": "coke", "scale": 10.0}),
+            ("diagnoses", {"data_set": data_set}),
+        ):
+            assert client.post(f"/v1/{path}/estimate", json=body).status_code == 200, path
+
+
+def test_a_charge_is_checked_before_the_write_lock_is_taken(
+    client: TestClient, sqlite_database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checked = []
+
+    def check(*arguments: Any) -> list[CheckedCharge]:
+        with another_writer(sqlite_database):
+            checked.append(check_charges(*arguments))
+        return checked[-1]
+
+    monkeypatch.setattr("service.api.charges.check_charges", check)
+    answer = client.post("/v1/charges", json={"charge": "coke", "scale": 10.0})
+    assert answer.status_code == 201
+    assert answer.json()["items"][0]["cost"]["text"] == checked[0][0].cost["text"]
 
 
 def test_a_study_costs_what_its_like_took_here(client: TestClient) -> None:
