@@ -35,7 +35,8 @@ class Total(Counts):
     schedules: int = 0
     noticed_s: list[float] = field(default_factory=list)
     again_s: list[float] = field(default_factory=list)
-    failed_seeds: list[int] = field(default_factory=list)
+    # Commands that run the schedules that failed again.
+    failed: list[str] = field(default_factory=list)
 
     def add(self, found: Audit) -> None:
         self.schedules += 1
@@ -44,14 +45,14 @@ class Total(Counts):
         self.bits_equal &= found.bits_equal
 
     def lines(self, lease_s: float) -> list[str]:
-        good = self.schedules - len(self.failed_seeds)
+        good = self.schedules - len(self.failed)
         return [
             f"{good} of {self.schedules} schedules; jobs accepted {self.accepted}, finished once "
             f"{self.finished_once}, lost {self.lost}, doubled {self.doubled}, attempts {self.attempts}; "
             f"bits equal: {'yes' if self.bits_equal else 'NO'}",
             f"a killed worker's job, lease {lease_s:g} s: taken away {_times(self.noticed_s)}; "
             f"at work again {_times(self.again_s)}",
-            *(f"replay: make faults SCHEDULES=1 SEED={seed}" for seed in self.failed_seeds),
+            *(f"replay: {command}" for command in self.failed),
         ]
 
 
@@ -112,7 +113,7 @@ def run_schedule(
     total.add(found)
     _time_takeovers(rig, injected.kills, total)
     if problems:
-        total.failed_seeds.append(seed)
+        total.failed.append(replay_command(rig, seed, window_s))
     outcome = "FAILED" if problems else "well"
     refused = f", {sum(accepted.refusals.values())} times refused" if accepted.refusals else ""
     say(
@@ -120,6 +121,12 @@ def run_schedule(
         f"{found.accepted} jobs in {found.attempts} attempts{refused}; {told(schedule)}"
     )
     return problems
+
+
+def replay_command(rig: Rig, seed: int, window_s: float) -> str:
+    """What draws the same schedule again: a seed means another one on the other database, or over another time."""
+    lease = f"{rig.settings.lease_seconds:g}"
+    return f"make faults SCHEDULES=1 SEED={seed} BACKEND={rig.backend} LEASE={lease} WINDOW={window_s:g}"
 
 
 def told(schedule: list[Injection]) -> str:
@@ -130,7 +137,12 @@ def _time_takeovers(rig: Rig, kills: list[Kill], total: Total) -> None:
     """How long after a worker's death its job was taken away from it, and was at work again."""
     with rig.database.reading() as session:
         for kill in kills:
-            lost = select(RunRow).where(RunRow.worker_id.in_(kill.worker_ids), RunRow.exit_class == "lost")
+            # Its earlier attempts may have been lost to something else, a machine that stalls for a lease.
+            lost = select(RunRow).where(
+                RunRow.worker_id.in_(kill.worker_ids),
+                RunRow.exit_class == "lost",
+                RunRow.ended_at > kill.when,
+            )
             for run in session.scalars(lost):
                 assert run.ended_at is not None
                 total.noticed_s.append(run.ended_at - kill.when)

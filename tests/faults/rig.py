@@ -13,6 +13,7 @@ import signal
 import socket
 import subprocess
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -37,6 +38,8 @@ POLL_S = 0.25
 DISK_BYTES = 192 * 2**20
 POSTGRES_SOCKET = ".s.PGSQL.5432"
 CLOCK_WORKER = "worker-1"
+# Alembic keeps the migration that runs in a variable of the process; two rigs may start at once.
+MIGRATING = threading.Lock()
 
 
 def faketime_library() -> Path | None:
@@ -159,7 +162,8 @@ class Rig:
 
     def start(self) -> None:
         broker.prepare_folders(self._own_broker())
-        upgrade(self._direct_url())
+        with MIGRATING:
+            upgrade(self._direct_url())
         for process in self.processes.values():
             process.start()
         self.wait_until_well()

@@ -1,6 +1,7 @@
 """`make load [FOR=60]`: 10,000 jobs stored, two workers that simulate, 50 requests a second by locust on loopback.
 
-Prints p50, p99 and errors, and how much the API's memory grew; FOR=3600 is the hour.
+Prints p50, p99 and errors, and how the memory of each process grew; FOR=3600 is the hour of mixed work: reads,
+studies that are asked for, computed and finished.
 """
 
 from __future__ import annotations
@@ -16,16 +17,12 @@ from pathlib import Path
 
 from tests.builders.studies import a_study, add_finished_designs
 from tests.faults.ledger import VARIANTS, Accepted
-from tests.faults.rig import Process, Rig, running_rig
+from tests.faults.rig import Rig, running_rig
+from tests.load.memory import MemoryWatch
 
 STUDIES, DESIGNS = 10, 1000
 USERS = 25
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def memory_mb(process: Process) -> float:
-    status = Path(f"/proc/{process.pid}/status").read_text()
-    return float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmRSS"))) / 1024
 
 
 def keep_busy(rig: Rig, stop: threading.Event) -> None:
@@ -49,7 +46,8 @@ def main() -> int:
         stop = threading.Event()
         busy = threading.Thread(target=keep_busy, args=(rig, stop))
         busy.start()
-        before = memory_mb(rig.processes["api"])
+        memory = MemoryWatch(rig.processes, every_s=max(2.0, wanted.seconds / 120))
+        memory.start()
         command = [
             *(sys.executable, "-m", "locust", "--headless", "--only-summary"),
             *("--locustfile", str(Path(__file__).with_name("locustfile.py"))),
@@ -57,7 +55,7 @@ def main() -> int:
             *("--run-time", f"{wanted.seconds}s", "--csv", f"{name}/load"),
         ]
         done = subprocess.run(command, cwd=ROOT, check=False)
-        after = memory_mb(rig.processes["api"])
+        memory.stop()
         stop.set()
         busy.join()
         with Path(f"{name}/load_stats.csv").open(encoding="utf-8") as file:
@@ -65,9 +63,10 @@ def main() -> int:
     print(
         f"{STUDIES * DESIGNS} jobs stored, {total['Request Count']} requests at "
         f"{float(total['Requests/s']):.0f}/s: p50 {total['50%']} ms, p99 {total['99%']} ms, "
-        f"errors {total['Failure Count']}; "
-        f"API's memory {before:.0f} -> {after:.0f} MB"
+        f"errors {total['Failure Count']}"
     )
+    for process, growth in memory.growth.items():
+        print(growth.line(process))
     return done.returncode
 
 
