@@ -111,7 +111,8 @@ def _map(panel: _Panel, title: str, frame: Frame, z: FloatArray) -> None:
     panel.line(0, panel.height, panel.width, panel.height, _FAINT)
     for k, value in enumerate((-4, -2, 0, 2, 4)):
         panel.box(k * 46, panel.height + 26, k * 46 + 44, panel.height + 40, colour_of(float(value)))
-        panel.text(k * 46 + 22, panel.height + 33, f"{value:+d}" if value else "0", "mm", size=12)
+        told, ink = f"{value:+d}" if value else "0", "white" if abs(value) == _FULL_COLOUR else _INK
+        panel.text(k * 46 + 22, panel.height + 33, told, "mm", ink, size=12)
 
 
 def colour_of(z: float) -> str:
@@ -190,7 +191,7 @@ def sentence(result: Result, known: Library | None) -> str:
 
 
 def _stated(claim: Claim, known: Library | None) -> str:
-    what = claim.effect if known is None else known[claim.effect].what
+    what = claim.effect if known is None else f"{known[claim.effect].what} ({known[claim.effect].amplitude})"
     amplitude = claim.amplitude
     value, low, high = (_plain(v, amplitude.unit) for v in (amplitude.value, *amplitude.ci90))
     confirm = "" if known is None else f"; {known[claim.effect].check.what} would confirm it"

@@ -29,16 +29,18 @@ COST_OF = {"pile": 1.0, "charge": 5.0}
 
 def next_measurements(found: Analysis, measured: Measured, seed: int = 1) -> tuple[Proposal, ...]:
     """Checks and repeats with the most expected information for their cost, the best first."""
-    proposals = [*_checks(found.ranking), *_repeats(found, measured, seed)]
+    proposals = [*_checks(found.ranking, measured), *_repeats(found, measured, seed)]
     worth = [p for p in proposals if p.information > _LEAST]
     return tuple(sorted(worth, key=lambda p: -p.information / p.cost)[:MOST_PROPOSALS])
 
 
-def _checks(ranking: Ranking) -> list[Proposal]:
-    """One direct check for all effects that it answers for."""
+def _checks(ranking: Ranking, measured: Measured) -> list[Proposal]:
+    """One for each effect that acts on a condition that was measured: no tachometer on a belt explains a pile."""
     inclusion = ranking.inclusion
     found = []
     for effect, p in zip(ranking.known.effects, inclusion, strict=True):
+        if not any(effect.acts_on(c) for c in measured.frame.conditions):
+            continue
         told = _RELIABLE * p + (1.0 - _RELIABLE) * (1.0 - p)
         information = _binary(told) - _binary(_RELIABLE)
         found.append(

@@ -17,7 +17,7 @@ from worker.diagnosis.cost import estimated_runs
 from worker.diagnosis.diagnose import diagnose
 from worker.diagnosis.gain import confirmed, held_out_gain, with_gain
 from worker.diagnosis.identifiability import Plan, identifiability
-from worker.diagnosis.next_measurement import next_measurements
+from worker.diagnosis.next_measurement import _checks, next_measurements
 from worker.diagnosis.self_tests import run_self_tests
 from worker.diagnosis.simulator import Outcomes, Setting
 from worker.diagnosis.stand_in import StandIn
@@ -114,6 +114,15 @@ def test_next_measurements_are_worth_their_cost() -> None:
         worth = [p.information / p.cost for p in proposals]
         assert worth == sorted(worth, reverse=True) and len(proposals) <= 5
         assert all(p.information > 0.0 and p.cost > 0.0 and p.what for p in proposals)
+
+
+def test_no_check_of_what_acts_on_no_condition_is_proposed() -> None:
+    """A tachometer on the belt tells nothing of a pile."""
+    found = diagnose(measured({}, piles_only=True), StandIn(), QUICK)
+    assert found.analysis is not None and found.measured is not None
+    checks = {p.kind.removeprefix("check:") for p in _checks(found.analysis.ranking, found.measured)}
+    assert "cohesion" in checks and "weigh_gain" in checks
+    assert not checks & {"belt_speed", "belt_track", "liner_wear", "deflector_tilt"}
 
 
 def test_thin_data_are_refused_in_words() -> None:
