@@ -134,9 +134,12 @@ def diagnose(
     if null is None:
         seed = options.seed + 10**7
         null = calibrate_null(setup, simulator, baseline.measured, tables, screened, options.plants, seed)
-    final_setup, final = _refined(setup, screened, prober, baseline) if options.refined else (setup, screened)
-    strength = power(final.evidence)
     p_value = null.p_value(screened.statistics)
+    final_setup, final = setup, screened
+    # Without a misfit the verdict stands, and the most runs of all would be for nothing.
+    if options.refined and p_value <= FLAGGED_AT:
+        final_setup, final = _refined(setup, screened, prober, baseline)
+    strength = power(final.evidence)
     result = _judge(screened, final, null, strength, p_value, options)
     facts = {
         "model_version": simulator.version,

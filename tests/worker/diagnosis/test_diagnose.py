@@ -21,6 +21,7 @@ from worker.diagnosis.next_measurement import _checks, next_measurements
 from worker.diagnosis.self_tests import run_self_tests
 from worker.diagnosis.simulator import Outcomes, Setting
 from worker.diagnosis.stand_in import StandIn
+from worker.diagnosis.verdict import FLAGGED_AT
 
 HIDDEN = ("belt_speed", -0.08)
 
@@ -49,6 +50,14 @@ def test_nothing_hidden_nothing_claimed() -> None:
     _, found = diagnosed("belt_speed", 0.0)
     assert found.result.claims == ()
     assert found.result.calibration is not None and len(found.result.calibration.statistics) == QUICK.plants
+
+
+def test_without_a_misfit_nothing_is_refined() -> None:
+    """The verdict stands on the screening's p value; refinement is a third of all runs."""
+    (_, quiet), (_, loud) = diagnosed("belt_speed", 0.0), diagnosed(*HIDDEN)
+    assert (quiet.result.p_value or 0.0) > FLAGGED_AT >= (loud.result.p_value or 1.0)
+    assert quiet.result.cost["runs"] < 0.9 * loud.result.cost["runs"]
+    assert quiet.result.limits and quiet.result.verdict == "no_misfit"
 
 
 def test_piles_alone_cannot_test_what_acts_on_charges() -> None:
