@@ -44,15 +44,20 @@ def estimate(data: Sequence[DataSet], simulator: Simulator, wave: int = WAVE, se
     return PileFloor(estimate_floor(pairs), base_radius_of(conditions), len(data))
 
 
+def parser() -> argparse.ArgumentParser:
+    """The arguments."""
+    made = argparse.ArgumentParser(prog="python -m worker.estimate_floor")
+    made.add_argument("contact_model", choices=CONTACT_MODELS)
+    made.add_argument("folders", nargs="+", type=Path)
+    made.add_argument("--grains", type=int, default=GRAINS)
+    made.add_argument("--wave", type=int, default=WAVE, help="runs of each condition")
+    made.add_argument("--out", type=Path, default=FILE)
+    return made
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Prints the sds of the floor, and keeps it in the file beside those of other contact models."""
-    parser = argparse.ArgumentParser(prog="python -m worker.estimate_floor")
-    parser.add_argument("contact_model", choices=CONTACT_MODELS)
-    parser.add_argument("folders", nargs="+", type=Path)
-    parser.add_argument("--grains", type=int, default=GRAINS)
-    parser.add_argument("--wave", type=int, default=WAVE, help="runs of each condition")
-    parser.add_argument("--out", type=Path, default=FILE)
-    given = parser.parse_args(arguments)
+    given = parser().parse_args(arguments)
     settings = get_settings()
     settings.data_dir.mkdir(parents=True, exist_ok=True)
     upgrade(settings.resolved_database_url)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -30,11 +30,6 @@ from tests.documentation.command_lines import ROOT, Documented, documented
 COMMANDS = documented()
 # They simulate, or stay: read by the program, not run.
 LONG = {"calibrate", "charge", "diagnose", "plan", "demo", "serve", "worker"}
-PARSERS: Mapping[str, str] = {
-    "demcore": "demcore.__main__",
-    "worker.deflector": "worker.deflector.__main__",
-    "worker.diagnosis": "worker.diagnosis.__main__",
-}
 
 
 def of(program: str, long: bool | None = None) -> list[Documented]:
@@ -199,4 +194,7 @@ def test_a_module_understands_its_words(command: Documented) -> None:
     words = [
         "coke" if before == "charge" else word for before, word in zip(["", *words], words, strict=False)
     ]
-    assert importlib.import_module(PARSERS[module]).parser().parse_args(words)
+    program = importlib.import_module(module)
+    if hasattr(program, "__path__"):
+        program = importlib.import_module(f"{module}.__main__")
+    assert program.parser().parse_args(words)

@@ -276,11 +276,15 @@ def _make_all() -> None:
             print(name, flush=True)
 
 
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(prog="python -m tests.diagnosis.piles.bank")
+    made.add_argument("what", choices=["make", "hide", "write"])
+    made.add_argument("names", nargs="*", help="hide: CAUSE NAME; write: NAME FOLDER")
+    return made
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.diagnosis.piles.bank")
-    parser.add_argument("what", choices=["make", "hide", "write"])
-    parser.add_argument("names", nargs="*", help="hide: CAUSE NAME; write: NAME FOLDER")
-    given = parser.parse_args()
+    given = parser().parse_args()
     if given.what == "make":
         _make_all()
     elif given.what == "hide":

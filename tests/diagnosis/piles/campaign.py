@@ -117,14 +117,18 @@ def told(folder: Path) -> dict[str, Any]:
     }
 
 
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(prog="python -m tests.diagnosis.piles.campaign")
+    made.add_argument("what", choices=["run", "score"])
+    made.add_argument("folder", type=Path)
+    made.add_argument("--cases", help="names with commas; all where none is given")
+    made.add_argument("--json", action="store_true")
+    return made
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """The exit status."""
-    parser = argparse.ArgumentParser(prog="python -m tests.diagnosis.piles.campaign")
-    parser.add_argument("what", choices=["run", "score"])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--cases", help="names with commas; all where none is given")
-    parser.add_argument("--json", action="store_true")
-    given = parser.parse_args(arguments)
+    given = parser().parse_args(arguments)
     if given.what == "run":
         run(given.folder, given.cases.split(",") if given.cases else list(scored_sets()))
         return 0
