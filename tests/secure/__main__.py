@@ -43,15 +43,8 @@ def risky_calls() -> bool:
 
 def secrets() -> bool:
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-    done = run(
-        "detect_secrets",
-        "scan",
-        "--exclude-files",
-        NO_SECRETS,
-        "--exclude-lines",
-        HASHES,
-        *tracked.stdout.split(),
-    )
+    files = tracked.stdout.split()
+    done = run("detect_secrets", "scan", "--exclude-files", NO_SECRETS, "--exclude-lines", HASHES, *files)
     found = json.loads(done.stdout)["results"]
     for name, items in found.items():
         for item in items:
