@@ -14,11 +14,10 @@ from sqlalchemy.orm import Session
 
 from service.dashboard.pages import Before, database_of, draw_parts, list_page, parse_id, parts_answer
 from service.dashboard.rendering import PageRoute, page
-from service.dashboard.words import Word
+from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS_VERDICTS
 from service.db import read_diagnoses
 from service.db.models import ArtifactRow, DataSetRow, DiagnosisRow, JobRow
 from service.db.read_diagnoses import DiagnosisView
-from service.domain.diagnosis import PLAN
 from service.domain.effects import library
 from service.domain.states import OPEN_JOBS, is_over
 from service.errors import NotFound
@@ -27,34 +26,6 @@ router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
 PAGE_SIZE = 50
 PARTS = ("diagnosis_state", "diagnosis_card", "diagnosis_claims", "diagnosis_limits", "diagnosis_files")
-
-STATES: Mapping[str, Word] = {
-    "WAITING": Word("waiting", "Waits for a free worker."),
-    "RUNNING": Word("simulating", "A worker simulates the piles that it asks for."),
-    "COMPLETE": Word("done", "There is a verdict."),
-    "FAILED": Word("error", "It could not be carried out."),
-    "CANCELLED": Word("stopped", "A user stopped it. Its simulations stay for the next one."),
-}
-VERDICTS: Mapping[str, Word] = {
-    "no_misfit": Word("no misfit", "Nothing that these data could show is missing in the model."),
-    "named": Word("named", "The data are consistent with one cause of the library."),
-    "named_with_remainder": Word("named, with remainder", "A cause explains part of it; something is left."),
-    "ambiguous": Word(
-        "ambiguous", "Something is wrong; these data do not tell which of several causes it is."
-    ),
-    "unexplained": Word("unexplained", "Something is wrong that no cause of the library explains."),
-    PLAN: Word("plan", "What these tests could show, before they are made."),
-    "refused": Word("refused", "The data or the emulators do not carry a diagnosis."),
-}
-TONES: Mapping[str, str] = {
-    "no_misfit": "good",
-    "named": "good",
-    "named_with_remainder": "doubt",
-    "ambiguous": "doubt",
-    "unexplained": "doubt",
-    PLAN: "good",
-    "refused": "bad",
-}
 
 
 @dataclass(frozen=True)
@@ -223,9 +194,9 @@ def _list_context(request: Request, before: int | None) -> dict[str, Any]:
         "older": views[PAGE_SIZE - 1].diagnosis.id if len(views) > PAGE_SIZE else None,
         "is_first": before is None,
         "before": before,
-        "verdicts": VERDICTS,
-        "tones": TONES,
-        "states": STATES,
+        "verdicts": DIAGNOSIS_VERDICTS,
+        "tones": DIAGNOSIS_TONES,
+        "states": DIAGNOSIS_STATES,
     }
 
 
@@ -238,7 +209,7 @@ def _context(request: Request, diagnosis_id: str) -> dict[str, Any]:
         "shown": shown,
         "diagnosis": shown.diagnosis,
         "result": shown.result,
-        "verdicts": VERDICTS,
-        "tones": TONES,
-        "states": STATES,
+        "verdicts": DIAGNOSIS_VERDICTS,
+        "tones": DIAGNOSIS_TONES,
+        "states": DIAGNOSIS_STATES,
     }

@@ -1,4 +1,4 @@
-"""The first page: all studies, what runs now, and whether the installation is well."""
+"""The first page: whether the installation is well, what runs now, what ended in the last day, and all studies."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from sqlalchemy.orm import Session
 
+from service.dashboard.ended_lately import Ended, read_ended
 from service.dashboard.gauge import Gauge, draw_gauge
 from service.db import dashboard_reads, queries, read_models
 from service.db.dashboard_reads import Health, Observed, OpenJob
@@ -59,11 +60,16 @@ class HealthItem:
 
 @dataclass(frozen=True)
 class OverviewPage:
-    """Everything that the overview's templates read. `older`: the id to go on from, None at the end."""
+    """Everything that the overview's templates read.
+
+    `ended`: of every kind, in the last day, on the first page only. `older`: the id to go on from, None at the
+    end.
+    """
 
     lines: Sequence[StudyLine]
     jobs: Sequence[OpenJob]
     health: Sequence[HealthItem]
+    ended: Sequence[Ended]
     older: int | None
     is_first: bool
 
@@ -87,6 +93,7 @@ def read_overview(session: Session, before: int | None = None) -> OverviewPage:
         lines=[StudyLine(row, _best(row, angles.get(row.id, ())), now) for row in shown],
         jobs=dashboard_reads.open_jobs(session),
         health=health_items(dashboard_reads.health(session)),
+        ended=read_ended(session, now) if before is None else (),
         older=shown[-1].id if len(rows) > STUDIES_A_PAGE else None,
         is_first=before is None,
     )

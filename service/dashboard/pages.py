@@ -26,7 +26,7 @@ router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
 LARGEST_ID = 2**63 - 1
 
-OVERVIEW_PARTS = ("studies", "jobs", "health")
+OVERVIEW_PARTS = ("studies", "ended", "jobs", "health")
 STUDY_PARTS = ("headline", "used", "now", "best", "known", "controls", "assumptions", "problems")
 CHARGE_PARTS = ("charge_state", "charge_findings", "charge_burden", "charge_series", "charge_files")
 DESIGN_PARTS = ("design_outcome", "design_pile", "design_numbers", "jobs")

@@ -19,10 +19,11 @@ from fastapi import APIRouter, Request, Response
 from demcore.rig import FEWEST_DIAMETERS
 from service.code_version import demcore_hash
 from service.dashboard.angle_plot import draw_angles
-from service.dashboard.diagnosis_page import STATES, TONES, VERDICTS, read_diagnosis_page
+from service.dashboard.diagnosis_page import read_diagnosis_page
 from service.dashboard.pages import database_of, parse_id
 from service.dashboard.rendering import POLICY, PageRoute, page
 from service.dashboard.study_page import count_verdicts, read_study_page
+from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS_VERDICTS
 from service.db.models import ArtifactRow
 from service.domain.spec_record import primary_response, request_of
 from service.errors import NotFound
@@ -79,9 +80,9 @@ def diagnosis_report(request: Request, diagnosis_id: str) -> Response:
         shown=shown,
         diagnosis=shown.diagnosis,
         result=shown.result,
-        verdicts=VERDICTS,
-        tones=TONES,
-        states=STATES,
+        verdicts=DIAGNOSIS_VERDICTS,
+        tones=DIAGNOSIS_TONES,
+        states=DIAGNOSIS_STATES,
         picture=_embedded(request, shown.card),
         request=json.dumps(dict(shown.diagnosis.spec), indent=1),
     )

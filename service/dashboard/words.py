@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from service.domain.diagnosis import PLAN
 from service.domain.observables import OBSERVABLES
 from service.domain.search_space import PARAMETERS
 from service.domain.strategy import STRATEGIES
@@ -99,6 +100,34 @@ VERDICTS: Mapping[str, Word] = {
     "feasible": Word("in window", "Feasible: the repose angle lies inside the accepted window."),
     "unfeasible": Word("outside", "Unfeasible: the repose angle lies outside the accepted window."),
     "error": Word("error", "The simulation gave no repose angle."),
+}
+
+DIAGNOSIS_STATES: Mapping[str, Word] = {
+    "WAITING": Word("waiting", "Waits for a free worker."),
+    "RUNNING": Word("simulating", "A worker simulates the piles that it asks for."),
+    "COMPLETE": Word("done", "There is a verdict."),
+    "FAILED": Word("error", "It could not be carried out."),
+    "CANCELLED": Word("stopped", "A user stopped it. Its simulations stay for the next one."),
+}
+DIAGNOSIS_VERDICTS: Mapping[str, Word] = {
+    "no_misfit": Word("no misfit", "Nothing that these data could show is missing in the model."),
+    "named": Word("named", "The data are consistent with one cause of the library."),
+    "named_with_remainder": Word("named, with remainder", "A cause explains part of it; something is left."),
+    "ambiguous": Word(
+        "ambiguous", "Something is wrong; these data do not tell which of several causes it is."
+    ),
+    "unexplained": Word("unexplained", "Something is wrong that no cause of the library explains."),
+    PLAN: Word("plan", "What these tests could show, before they are made."),
+    "refused": Word("refused", "The data or the emulators do not carry a diagnosis."),
+}
+DIAGNOSIS_TONES: Mapping[str, str] = {
+    "no_misfit": "good",
+    "named": "good",
+    "named_with_remainder": "doubt",
+    "ambiguous": "doubt",
+    "unexplained": "doubt",
+    PLAN: "good",
+    "refused": "bad",
 }
 
 ORIGINS: Mapping[str, Word] = {

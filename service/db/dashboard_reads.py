@@ -150,3 +150,12 @@ def observed_angles(session: Session, study_ids: Collection[int]) -> Mapping[int
         if angle is not None:
             found.setdefault(study_id, []).append(Observed(number, angle, sd))
     return found
+
+
+def ended_since(session: Session, since: float, limit: int) -> Sequence[StudyRow | ChargeRow | DiagnosisRow]:
+    """What ended after `since` (seconds since 1970), of every kind, newest first."""
+    found: list[StudyRow | ChargeRow | DiagnosisRow] = []
+    for kind in (StudyRow, ChargeRow, DiagnosisRow):
+        statement = select(kind).where(kind.ended_at > since).order_by(kind.ended_at.desc()).limit(limit)
+        found.extend(session.scalars(statement))
+    return sorted(found, key=lambda row: row.ended_at or 0.0, reverse=True)[:limit]

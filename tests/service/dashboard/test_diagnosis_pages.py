@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.dashboard.diagnosis_page import STATES, TONES, VERDICTS
+from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS_VERDICTS
 from service.db.models import ArtifactRow, DiagnosisRow
 from service.db.session import Database
 from service.domain.diagnosis import PLAN, PlanSpec
@@ -147,5 +147,7 @@ def test_the_policy_and_pages_that_are_not_there(client: TestClient, told: int) 
 
 def test_every_verdict_and_state_has_its_word() -> None:
     said = {results.NO_MISFIT, results.NAMED, results.NAMED_WITH_REMAINDER, results.AMBIGUOUS}
-    assert {*said, results.UNEXPLAINED, results.REFUSED, PLAN} == set(VERDICTS) == set(TONES)
-    assert {state.value for state in DesignState} == set(STATES)
+    assert (
+        {*said, results.UNEXPLAINED, results.REFUSED, PLAN} == set(DIAGNOSIS_VERDICTS) == set(DIAGNOSIS_TONES)
+    )
+    assert {state.value for state in DesignState} == set(DIAGNOSIS_STATES)
