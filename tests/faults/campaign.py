@@ -12,7 +12,16 @@ from dataclasses import dataclass, field
 from sqlalchemy import select
 
 from service.db.models import RunRow, StudyRow
-from tests.faults.faults import WINDOW_S, Injected, Injection, Kill, draw_schedule, inject, left_out
+from tests.faults.faults import (
+    HINDER_REAPING,
+    WINDOW_S,
+    Injected,
+    Injection,
+    Kill,
+    draw_schedule,
+    inject,
+    left_out,
+)
 from tests.faults.ledger import (
     SETTLING_S,
     VARIANTS,
@@ -36,6 +45,8 @@ class Total(Counts):
     schedules: int = 0
     noticed_s: list[float] = field(default_factory=list)
     again_s: list[float] = field(default_factory=list)
+    # Those of schedules in which nothing kept dispatcher and database from each other.
+    noticed_unhindered_s: list[float] = field(default_factory=list)
     # Commands that run the schedules that failed again.
     failed: list[str] = field(default_factory=list)
 
@@ -51,7 +62,7 @@ class Total(Counts):
         """What another campaign found, too."""
         self.schedules += other.schedules
         self._count(other)
-        for name in ("noticed_s", "again_s", "failed"):
+        for name in ("noticed_s", "again_s", "noticed_unhindered_s", "failed"):
             getattr(self, name).extend(getattr(other, name))
 
     def _count(self, found: Counts) -> None:
@@ -66,7 +77,8 @@ class Total(Counts):
             f"{self.finished_once}, lost {self.lost}, doubled {self.doubled}, attempts {self.attempts}; "
             f"bits equal: {'yes' if self.bits_equal else 'NO'}",
             f"a killed worker's job, lease {lease_s:g} s: taken away {_times(self.noticed_s)}; "
-            f"at work again {_times(self.again_s)}",
+            f"at work again {_times(self.again_s)}; "
+            f"where dispatcher and database were up all the while: taken away {_times(self.noticed_unhindered_s)}",
             *(f"replay: {command}" for command in self.failed),
         ]
 
@@ -126,7 +138,7 @@ def run_schedule(
     found = audit(rig, accepted, references)
     problems.extend(found.problems)
     total.add(found)
-    _time_takeovers(rig, injected.kills, total)
+    _time_takeovers(rig, injected.kills, total, any(each.name in HINDER_REAPING for each in schedule))
     if problems:
         total.fail(replay_command(rig, seed, window_s))
     outcome = "FAILED" if problems else "well"
@@ -148,7 +160,7 @@ def told(schedule: list[Injection]) -> str:
     return "; ".join(map(str, schedule))
 
 
-def _time_takeovers(rig: Rig, kills: list[Kill], total: Total) -> None:
+def _time_takeovers(rig: Rig, kills: list[Kill], total: Total, is_hindered: bool) -> None:
     """How long after a worker's death its job was taken away from it, and was at work again."""
     with rig.database.reading() as session:
         for kill in kills:
@@ -161,6 +173,8 @@ def _time_takeovers(rig: Rig, kills: list[Kill], total: Total) -> None:
             for run in session.scalars(lost):
                 assert run.ended_at is not None
                 total.noticed_s.append(run.ended_at - kill.when)
+                if not is_hindered:
+                    total.noticed_unhindered_s.append(run.ended_at - kill.when)
                 later = select(RunRow.started_at).where(
                     RunRow.job_id == run.job_id, RunRow.attempt == run.attempt + 1
                 )

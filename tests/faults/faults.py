@@ -299,6 +299,13 @@ FAULTS: dict[str, Fault] = {
 }
 
 
+# A lease that runs out meanwhile is noticed when they are over.
+HINDER_REAPING = frozenset(
+    {"kill -9 of the dispatcher", "kill -9 of PostgreSQL", "black hole before PostgreSQL", "disk full"}
+)
+assert HINDER_REAPING <= FAULTS.keys()
+
+
 def draw_schedule(rng: random.Random, rig: Rig, window_s: float = WINDOW_S) -> list[Injection]:
     """Two to five faults at random moments, in the order in which they begin."""
     possible = [name for name, fault in FAULTS.items() if fault.needs(rig) is None]
