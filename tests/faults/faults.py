@@ -303,7 +303,7 @@ FAULTS: dict[str, Fault] = {
 HINDER_REAPING = frozenset(
     {"kill -9 of the dispatcher", "kill -9 of PostgreSQL", "black hole before PostgreSQL", "disk full"}
 )
-assert HINDER_REAPING <= FAULTS.keys()
+assert FAULTS.keys() >= HINDER_REAPING
 
 
 def draw_schedule(rng: random.Random, rig: Rig, window_s: float = WINDOW_S) -> list[Injection]:
