@@ -53,7 +53,8 @@ class Missing:
 @dataclass(frozen=True)
 class Scene:
     """`state`: ready, waiting (the run is not over), none (it left nothing), removed (retention) or damaged;
-    `says` is told in the place of the picture where it is not ready, above it where the run goes on."""
+    `says` is told in the place of the picture where it is not ready, above it where the run goes on.
+    `is_growing`: there will be more frames. `is_mesh`: there are walls alone."""
 
     state: str
     says: str = ""
@@ -64,6 +65,7 @@ class Scene:
     missing: Sequence[Missing] = ()
     note: str = ""
     is_growing: bool = False
+    is_mesh: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON."""

@@ -59,7 +59,7 @@ def get_pile_walls(request: Request, design_id: str) -> Response:
     results = (view.design.results or {}) if view is not None else {}
     if not results.get("rig"):
         raise NotFound(f"There is no base of design {design_id}.")
-    return _packed(pack_walls(base_plate(results), solid=(0,)))
+    return packed(pack_walls(base_plate(results), solid=(0,)))
 
 
 @router.get("/charges/{charge_id}/scene")
@@ -76,7 +76,7 @@ def get_charge_scene(request: Request, charge_id: str) -> Response:
 @router.get("/scenes/{scene_id}/frames/{k}")
 def get_frame(request: Request, scene_id: str, k: str) -> Response:
     """All grains of a frame, 8 bytes each (service/scene/packing.py)."""
-    return _packed(pack_frame(_spheres(request, scene_id, k)))
+    return packed(pack_frame(_spheres(request, scene_id, k)))
 
 
 @router.get("/scenes/{scene_id}/frames/{k}/columns/{column}")
@@ -88,7 +88,7 @@ def get_column(request: Request, scene_id: str, k: str, column: str) -> Response
         values = _arrivals(spheres, _path(request, scene_id, SPHERE_KINDS))
     if values is None:
         raise NotFound(f"There is no {column[:40]} in this file.")
-    return _packed(pack_column(values))
+    return packed(pack_column(values))
 
 
 @router.get("/scenes/{scene_id}/frames/{k}/grains/{row}")
@@ -117,7 +117,7 @@ def get_walls(request: Request, walls_id: str, k: str) -> Response:
         surface = _read(_running(request, walls_id), k, read_journal_surface)
     else:
         surface = _read(_path(request, walls_id, (WALL_KIND,)), k, read_surface)
-    return _packed(pack_walls(surface))
+    return packed(pack_walls(surface))
 
 
 def _spheres(request: Request, scene_id: str, k: str) -> Spheres:
@@ -180,7 +180,7 @@ def _read(path: Path, k: str, read: Callable[[Path, int], T]) -> T:
         raise NotFound(f"There is nothing to draw: {error}.") from None
 
 
-def _packed(content: bytes) -> Response:
+def packed(content: bytes) -> Response:
     """A page keeps its frames itself: like every answer with data, it stays out of the browser's cache."""
     return Response(content, media_type=MEDIA_TYPE, headers={"Cache-Control": "no-store"})
 

@@ -109,10 +109,11 @@ class SceneView {
     await this.show(k);
   }
 
-  /** At the grains; while they still come, at where they go. */
+  /** At the grains; while they still come, at where they go; at a mesh. */
   aim() {
     const { reference } = this;
-    const box = this.scene.is_growing && reference.walls?.triangles ? reference.walls : reference;
+    const { is_growing: isGrowing, is_mesh: isMesh } = this.scene;
+    const box = (isGrowing || isMesh) && reference.walls?.triangles ? reference.walls : reference;
     this.camera.frame(box.low, box.high);
   }
 
@@ -140,6 +141,9 @@ class SceneView {
 
   when() {
     const { time_s: time, radii } = this.frame;
+    if (this.scene.is_mesh) {
+      return `${tell(this.frame.walls.triangles)} triangles`;
+    }
     const grains = `${radii.length.toLocaleString("en").replaceAll(",", "\u202f")} grains`;
     return this.scene.frames.length > 1 ? `${withUnit(time, "s", 4)}, ${grains}` : grains;
   }
@@ -159,6 +163,7 @@ class SceneView {
     if (chosen) {
       chosen.selected = true;
     }
+    this.root.classList.toggle("scene-mesh", this.scene.is_mesh);
     this.find("timeline").hidden = frames.length < 2;
     this.find("time").max = frames.length - 1;
     this.find("walls").closest("label").hidden = !frames.some(({ walls }) => walls);
