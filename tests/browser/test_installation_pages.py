@@ -1,4 +1,4 @@
-"""The pages of the installation, of meshes and of diagnoses, and the form of a key: content, axe, sizes, schemes."""
+"""The pages of the installation, of meshes and of diagnoses, and the form of a key: content, axe, sizes, dark."""
 
 from __future__ import annotations
 

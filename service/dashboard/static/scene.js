@@ -16,6 +16,7 @@ const COARSEST = 0.3;
 const STILL_MS = 180;
 const PLAY_MS = { full: 250, reduced: 1000 };
 const LAYERS = 8;
+const MESH_ROOM = 1.25; // a heap fills its picture, a part of a plant stands free in it
 const WALL_LIGHT = [0.36, 0.42, 0.5];
 const WALL_DARK = [0.62, 0.7, 0.8];
 const AXES = ["x", "y", "z"];
@@ -115,6 +116,9 @@ class SceneView {
     const { is_growing: isGrowing, is_mesh: isMesh } = this.scene;
     const box = (isGrowing || isMesh) && reference.walls?.triangles ? reference.walls : reference;
     this.camera.frame(box.low, box.high);
+    if (isMesh) {
+      this.camera.zoom(MESH_ROOM);
+    }
   }
 
   /** Frame `k`; of several that are asked for at once, the last. */
