@@ -1,6 +1,6 @@
 """The installation that docs/pictures shows: small, but all in it ran through the service as a user's would.
 
-A study of the pellet and one of coke, a charge of coke and one of iron, two diagnoses of piles that another code
+Two studies of the pellet, one of them without a surrogate, a charge of coke and one of iron, two diagnoses of piles that another code
 made (tests/diagnosis/piles), an uploaded deflector, and a finer charge that is under way while pictures are taken.
 """
 
@@ -53,8 +53,8 @@ def small_installation(
             service.wait_for("database", "schema", "broker", "workers")
             started = time.monotonic()
             tasks: list[Task] = [
-                talus.calibrate(material, scale=4, budget=budget, initial_designs=min(4, budget))
-                for material in ("pellet", "coke")
+                talus.calibrate("pellet", scale=4, budget=budget, initial_designs=min(4, budget)),
+                talus.calibrate("pellet", scale=4, budget=budget, strategy="sobol"),
             ]
             for charge in ("coke", "iron"):
                 tasks += talus.start_charges(charge, scale=charge_scale, frame_seconds=2.0)
