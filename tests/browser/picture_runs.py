@@ -1,7 +1,8 @@
 """The installation that docs/pictures shows: small, but all in it ran through the service as a user's would.
 
-Two studies of the pellet, one of them without a surrogate, a charge of coke and one of iron, two diagnoses of piles that another code
-made (tests/diagnosis/piles), an uploaded deflector, and a finer charge that is under way while pictures are taken.
+Two studies of the pellet, one of them without a surrogate, a charge of coke and one of iron, two diagnoses of
+piles that another code made (tests/diagnosis/piles), an uploaded deflector, and a finer charge that is under way
+while pictures are taken.
 """
 
 from __future__ import annotations
