@@ -9,6 +9,7 @@
 #   make faults [SCHEDULES=200] [SEED=1] [BACKEND=sqlite]        random schedules of faults on real jobs
 #   make outages                                                 60 s without broker, 10 s without database
 #   make load [FOR=60]                                            50 requests/s beside two busy workers
+#   make fuzz [FOR=300] [SEED=1]                                  every check of schemathesis on the whole API
 #   make secure                                                  risky calls, secrets, known holes
 #   make test | slow | lint                                      the tests, the long tests, the linters
 #   make test-browser                                            the pages in Debian's chromium
@@ -41,7 +42,7 @@ URL ?=
 KEEP ?=
 TESTS ?=
 
-.PHONY: help setup dev demo charge compare-workers serve test test-browser slow faults outages load secure lint lock clean
+.PHONY: help setup dev demo charge compare-workers serve test test-browser slow faults outages load fuzz secure lint lock clean
 
 help:
 	@sed -n 's/^#  *make/make/p' Makefile
@@ -102,6 +103,9 @@ outages: $(DEV)
 
 load: $(DEV)
 	@$(BIN)/python -m tests.load --seconds "$(or $(FOR),60)"
+
+fuzz: $(DEV)
+	@$(BIN)/python -m tests.fuzz --seconds "$(or $(FOR),300)" $(if $(SEED),--seed "$(SEED)")
 
 secure: $(DEV)
 	@$(BIN)/python -m tests.secure

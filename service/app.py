@@ -30,6 +30,7 @@ from service.api import (
     reports,
     studies,
 )
+from service.api.allowed_methods import AllowedMethods
 from service.api.authentication import Gate
 from service.api.body_limit import BodyLimit
 from service.api.problems import ProblemBody, install_handlers
@@ -117,6 +118,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     install_handlers(app)
     large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH, geometries.GEOMETRIES_PATH)
     by_path = dict.fromkeys(large, settings.max_import_bytes)
+    app.add_middleware(AllowedMethods, document=lambda: _document(app))
     app.add_middleware(CompressedPages)
     app.add_middleware(BodyLimit, max_bytes=settings.max_body_bytes, by_path=by_path)
     # The last one added is the outermost: a body is read of nobody who may not send it, and refusals have the

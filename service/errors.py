@@ -120,6 +120,17 @@ class NotFound(Problem):
     title = "Not found"
 
 
+class MethodNotAllowed(Problem):
+    """The address exists, and does not take this method."""
+
+    status = 405
+    title = "Method not allowed"
+
+    def __init__(self, method: str, allowed: Sequence[str]) -> None:
+        self.allowed = ", ".join(allowed)
+        super().__init__(f"{method} is not taken here, allowed is {self.allowed}.")
+
+
 class Conflict(Problem):
     """The row is in a state that does not allow this."""
 

@@ -19,6 +19,7 @@ from service.domain.outcome import FailureClass
 from service.domain.states import JobKind
 from service.queue import TASK_NAMES
 from service.studies.claim_job import AnyClaim, ChargeClaim, Claim, DiagnosisClaim, claim_job
+from service.studies.forgive_attempt import forgive_attempt
 from service.studies.give_back_job import Return, give_back_job
 from service.studies.record_cancellation import record_cancellation
 from service.studies.record_charge import record_charge
@@ -42,7 +43,7 @@ Write = Callable[[Session], bool]
 
 
 def perform(job_id: str) -> None:
-    """Claim, work, record."""
+    """Claim, work, record; where the lease was lost, only say so."""
     database, lease_s = installation.database(), installation.settings().lease_seconds
     with database.writing() as session:
         claim = claim_job(session, job_id, process.worker_id, lease_s)
@@ -57,18 +58,20 @@ def perform(job_id: str) -> None:
             write: Write | None = work(claim, attempt, watch)
         except Exception as error:  # noqa: BLE001 (the one place: whatever failed is recorded)
             write = after_failure(error, claim, attempt, watch)
-        if write is not None:
-            record(claim, write)
+        if write is None or not record(claim, write):
+            # This worker lives: whoever took the job from it did not know.
+            persist(database, partial(forgive_attempt, lease=claim.lease))
     with database.reading() as session:
         is_done_with = queries.is_job_over(session, job_id)
     if is_done_with:
         evaluate.forget_checkpoint(job_id, installation.settings())
 
 
-def record(claim: AnyClaim, write: Write) -> None:
-    """Write the result. One that the database refuses (not: cannot take now) fails the job.
+def record(claim: AnyClaim, write: Write) -> bool:
+    """Write the result; False: the lease was lost, nothing is written.
 
-    psycopg raises ValueError and TypeError itself for what is no JSON, the other driver through SQLAlchemy.
+    A result that the database refuses (not: cannot take now) fails the job. psycopg raises ValueError and
+    TypeError itself for what is no JSON, the other driver through SQLAlchemy.
     """
     database = installation.database()
     try:
@@ -79,6 +82,7 @@ def record(claim: AnyClaim, write: Write) -> None:
         log.exception("result refused")
         recorded = persist(database, partial(record_failure, lease=claim.lease, failure=classify(error)))
     log.info("recorded" if recorded else "discarded: the lease was lost", kind=claim.kind.value)
+    return recorded
 
 
 def work(claim: AnyClaim, attempt: Attempt, watch: Stopwatch) -> Write:

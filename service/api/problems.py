@@ -22,6 +22,7 @@ from service.errors import (
     Conflict,
     FieldError,
     InvalidRequest,
+    MethodNotAllowed,
     Problem,
     Unauthorized,
     Unavailable,
@@ -94,6 +95,8 @@ def problem_response(problem: Problem) -> JSONResponse:
     headers = {"Retry-After": str(problem.retry_after_s)} if problem.retry_after_s is not None else {}
     if isinstance(problem, Unauthorized):
         headers["WWW-Authenticate"] = "Bearer"
+    if isinstance(problem, MethodNotAllowed):
+        headers["Allow"] = problem.allowed
     return JSONResponse(problem.body(), problem.status, headers, MEDIA_TYPE)
 
 

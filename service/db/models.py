@@ -242,7 +242,8 @@ class JobRow(Base):
     broker only says "look here".
 
     `attempt` is the fence: a worker may only write where the attempt is still its own. `max_attempts` bounds
-    the attempts that were lost; one that was given back in order, or repeated by a retry rule, raises it.
+    the attempts that were lost; one that was given back in order, repeated by a retry rule, or forgiven (its
+    worker was late, not dead) raises it.
     `lease_until` is by `clock.lease_now`. `paused_until`: nobody is told of the queued job until then, for
     `pause_reason` (no room on the disk).
     """

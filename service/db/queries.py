@@ -167,6 +167,17 @@ def give_back(
     return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
 
 
+def allow_another_attempt(session: Session, job_id: str) -> bool:
+    """One attempt of the job does not count. False: the job is over."""
+    statement = (
+        update(JobRow)
+        .where(JobRow.id == job_id, JobRow.state.in_((JobState.QUEUED, JobState.RUNNING)))
+        .values(max_attempts=JobRow.max_attempts + 1)
+        .returning(JobRow.id)
+    )
+    return session.execute(statement).scalar_one_or_none() is not None
+
+
 def reap(session: Session, lease: Lease) -> JobRow | None:
     """An attempt whose lease ran out: queued again, failed if it was the last, cancelled if that was asked.
 

@@ -14,7 +14,7 @@ from service.domain.outcome import RunCost
 def close_run(
     session: Session, lease: Lease, exit_class: str, text: str | None = None, cost: RunCost | None = None
 ) -> None:
-    """`exit_class`: done, cancelled, released, or a FailureClass."""
+    """`exit_class`: done, cancelled, released, late, or a FailureClass."""
     cost = cost or RunCost()
     session.execute(
         update(RunRow)

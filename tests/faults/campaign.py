@@ -1,11 +1,12 @@
-"""Schedule after schedule on one running installation, and the sum of what they showed."""
+"""Schedule after schedule on running installations, and the sum of what they showed."""
 
 from __future__ import annotations
 
 import random
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from sqlalchemy import select
@@ -23,7 +24,7 @@ from tests.faults.ledger import (
     is_settled,
     send_all,
 )
-from tests.faults.rig import Rig
+from tests.faults.rig import Rig, running_rig
 
 Say = Callable[[str], None]
 
@@ -40,6 +41,20 @@ class Total(Counts):
 
     def add(self, found: Audit) -> None:
         self.schedules += 1
+        self._count(found)
+
+    def fail(self, command: str) -> None:
+        if command not in self.failed:
+            self.failed.append(command)
+
+    def join(self, other: Total) -> None:
+        """What another campaign found, too."""
+        self.schedules += other.schedules
+        self._count(other)
+        for name in ("noticed_s", "again_s", "failed"):
+            getattr(self, name).extend(getattr(other, name))
+
+    def _count(self, found: Counts) -> None:
         for name in ("accepted", "finished_once", "lost", "doubled", "attempts"):
             setattr(self, name, getattr(self, name) + getattr(found, name))
         self.bits_equal &= found.bits_equal
@@ -113,7 +128,7 @@ def run_schedule(
     total.add(found)
     _time_takeovers(rig, injected.kills, total)
     if problems:
-        total.failed.append(replay_command(rig, seed, window_s))
+        total.fail(replay_command(rig, seed, window_s))
     outcome = "FAILED" if problems else "well"
     refused = f", {sum(accepted.refusals.values())} times refused" if accepted.refusals else ""
     say(
@@ -153,15 +168,45 @@ def _time_takeovers(rig: Rig, kills: list[Kill], total: Total) -> None:
 
 
 def run_campaign(rig: Rig, seeds: list[int], total: Total, say: Say, window_s: float = WINDOW_S) -> list[str]:
-    """All schedules; after each the installation is well again before the next begins."""
+    """All schedules; after each the installation is well again before the next. `seeds` loses each that began."""
     for name, reason in left_out(rig).items():
         say(f"{rig.backend}: skipped: {name} ({reason})")
     references = make_references(rig)
     problems = list[str]()
-    for seed in seeds:
+    while seeds:
+        seed = seeds.pop(0)
         problems += [
             f"{rig.backend} seed {seed}: {text}"
             for text in run_schedule(rig, seed, references, total, say, window_s)
         ]
-        rig.wait_until_well()
+        try:
+            rig.wait_until_well()
+        except AssertionError as error:
+            # A process that ended by itself is a failure of this schedule, not the end of the others.
+            problems.append(f"{rig.backend} seed {seed}: afterwards {error}")
+            total.fail(replay_command(rig, seed, window_s))
+            break
     return problems
+
+
+def run_everywhere(
+    seeds: Mapping[str, Sequence[int]], say: Say, lease_s: float, window_s: float = WINDOW_S
+) -> tuple[Total, list[str]]:
+    """The schedules of each database (sqlite, postgresql): the sum, and what was wrong.
+
+    The databases run at once, since most of a schedule is waiting, for a lease or for a process that starts.
+    """
+
+    def run_one(backend: str) -> tuple[Total, list[str]]:
+        total, problems, left = Total(), list[str](), list(seeds[backend])
+        while left:
+            with running_rig(backend, lease_s=lease_s) as rig:
+                problems += run_campaign(rig, left, total, say, window_s)
+        return total, problems
+
+    total, problems = Total(), list[str]()
+    with ThreadPoolExecutor(max(1, len(seeds))) as pool:
+        for found, wrong in pool.map(run_one, seeds):
+            total.join(found)
+            problems += wrong
+    return total, problems

@@ -65,6 +65,10 @@ class Process:
         return self._popen.pid
 
     def start(self) -> None:
+        """Nothing where it runs: two faults that end both start it, and the first one's process would be forgotten
+        and outlive the rig."""
+        if self.is_running():
+            return
         shared = processes.environment(self._settings, self.spec)
         with self.log.open("ab") as output:
             self._popen = subprocess.Popen(

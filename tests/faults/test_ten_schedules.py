@@ -1,32 +1,17 @@
-"""Ten random schedules of faults, five on each database; `make faults` runs as many as are wanted.
-
-Both installations run at once, because most of a schedule is waiting: for a lease, for a process that starts.
-"""
+"""Ten random schedules of faults, five on each database; `make faults` runs as many as are wanted."""
 
 from __future__ import annotations
 
 import random
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 
 import pytest
 
-from tests.faults.campaign import Total, run_campaign
-from tests.faults.rig import running_rig
+from tests.faults.campaign import run_everywhere
 
 SCHEDULES = 5
 # Long enough for a beat to come through where everything runs on two cores that other tests use as well.
 LEASE_S = 12.0
 WINDOW_S = 3.0
-
-
-def campaign(first_seed: int, backend: str) -> tuple[Total, list[str], list[str]]:
-    """The sum of five schedules, what was said of each, and what was wrong."""
-    total, said = Total(), list[str]()
-    with running_rig(backend, lease_s=LEASE_S) as rig:
-        seeds = range(first_seed, first_seed + SCHEDULES)
-        problems = run_campaign(rig, list(seeds), total, said.append, WINDOW_S)
-    return total, said + [f"{backend}: {line}" for line in total.lines(LEASE_S)], problems
 
 
 # A minute and a half on two quiet cores.
@@ -38,11 +23,12 @@ def test_an_accepted_job_is_never_lost_and_never_done_twice(capsys: pytest.Captu
         print(
             f"\n{SCHEDULES} schedules on each database: SEED={first_seed} LEASE={LEASE_S:g} WINDOW={WINDOW_S:g}"
         )
-    with ThreadPoolExecutor(2) as pool:
-        campaigns = list(pool.map(partial(campaign, first_seed), ("sqlite", "postgresql")))
+    said = list[str]()
+    seeds = range(first_seed, first_seed + SCHEDULES)
+    total, problems = run_everywhere({"sqlite": seeds, "postgresql": seeds}, said.append, LEASE_S, WINDOW_S)
+    lines = said + total.lines(LEASE_S)
     with capsys.disabled():
-        print("", *(line for _, lines, _ in campaigns for line in lines), sep="\n")
-    for total, lines, problems in campaigns:
-        assert not problems, "\n".join(problems + lines)
-        assert (total.schedules, total.lost, total.doubled, total.bits_equal) == (SCHEDULES, 0, 0, True)
-        assert total.finished_once == total.accepted > SCHEDULES
+        print("", *lines, sep="\n")
+    assert not problems, "\n".join(problems + lines)
+    assert (total.schedules, total.lost, total.doubled, total.bits_equal) == (2 * SCHEDULES, 0, 0, True)
+    assert total.finished_once == total.accepted > 2 * SCHEDULES

@@ -16,6 +16,8 @@ SOURCES = ("service", "worker", "demcore", "migrations")
 ACCEPTED = "B101,B104,B311,B404,B603,B606,B607,B608,B704"
 # Hashes by name, and test data that look like secrets.
 NO_SECRETS = r"(.*\.lock|docs/openapi\.json|tests/.*|compose\.yaml)"
+# Hashes by name in stored studies and floors: what code ran, and what a file or a surrogate was made of.
+HASHES = r'"(content_sha256|training_hash|code_version|code)": "[0-9a-f]+"'
 AUDIT_SECONDS = 120
 
 
@@ -41,26 +43,33 @@ def risky_calls() -> bool:
 
 def secrets() -> bool:
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-    done = run("detect_secrets", "scan", "--exclude-files", NO_SECRETS, *tracked.stdout.split())
+    files = tracked.stdout.split()
+    done = run("detect_secrets", "scan", "--exclude-files", NO_SECRETS, "--exclude-lines", HASHES, *files)
     found = json.loads(done.stdout)["results"]
     for name, items in found.items():
         for item in items:
             print(f"{name}:{item['line_number']}: {item['type']}")
-    print(f"detect-secrets: {sum(map(len, found.values()))} in {len(tracked.stdout.split())} files")
+    print(f"detect-secrets: {sum(map(len, found.values()))} in {len(files)} files")
     return not found
 
 
 def known_holes() -> bool:
     try:
         done = run("pip_audit", "--local", "--skip-editable", "--format", "json", seconds=AUDIT_SECONDS)
-        found = [item for item in json.loads(done.stdout)["dependencies"] if item.get("vulns")]
+        packages = json.loads(done.stdout)["dependencies"]
     except (subprocess.TimeoutExpired, json.JSONDecodeError, KeyError):
         print("pip-audit: skipped, its database cannot be reached from here")
         return True
-    for item in found:
+    # A mirror that serves packages and nothing about them makes pip-audit skip every one, and find no hole.
+    known = [item for item in packages if "skip_reason" not in item]
+    holed = [item for item in known if item["vulns"]]
+    for item in holed:
         print(f"{item['name']} {item['version']}: " + ", ".join(hole["id"] for hole in item["vulns"]))
-    print(f"pip-audit: {len(found)} packages with known holes")
-    return not found
+    print(
+        f"pip-audit: {len(holed)} packages with known holes, of {len(known)} that its database knows; "
+        f"of the {len(packages)} that are installed it could say nothing about {len(packages) - len(known)}"
+    )
+    return not holed
 
 
 if __name__ == "__main__":

@@ -258,10 +258,24 @@ def test_what_is_not_there(client: TestClient, method: str, path: str) -> None:
     assert response.json()["status"] == 404
 
 
-def test_a_method_that_is_not_offered(client: TestClient) -> None:
-    response = client.delete("/v1/studies")
-    assert response.status_code == 405
+@pytest.mark.parametrize(
+    ("method", "path", "allowed"),
+    [
+        ("DELETE", "/v1/studies", "GET, POST"),
+        ("OPTIONS", "/v1/charges", "GET, POST"),
+        ("POST", "/v1/studies/1", "GET"),
+        # Not the charge, the study or the diagnosis with such an id.
+        ("GET", "/v1/charges/comparison", "POST"),
+        ("GET", "/v1/studies/import", "POST"),
+        ("PUT", "/v1/diagnoses/estimate", "POST"),
+    ],
+)
+def test_a_method_that_is_not_offered(client: TestClient, method: str, path: str, allowed: str) -> None:
+    """RFC 9110, section 15.5.6: the answer lists every method that the address takes."""
+    response = client.request(method, path)
+    assert (response.status_code, response.headers["allow"]) == (405, allowed)
     assert response.headers["content-type"] == "application/problem+json"
+    assert response.json()["detail"] == f"{method} is not taken here, allowed is {allowed}."
 
 
 def test_materials_and_rigs(client: TestClient) -> None:

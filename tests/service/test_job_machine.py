@@ -27,8 +27,10 @@ from service.db.queries import Lease
 from service.db.session import Database
 from service.domain.outcome import Failure, FailureClass
 from service.domain.states import DesignState, JobState, Verdict, is_over
+from service.studies.advance_study import ATTEMPTS
 from service.studies.cancel_job import JobNotCancellable, cancel_job
 from service.studies.claim_job import claim_job
+from service.studies.forgive_attempt import forgive_attempt
 from service.studies.give_back_job import Return, give_back_job
 from service.studies.reap_job import reap_job
 from service.studies.record_cancellation import record_cancellation
@@ -72,6 +74,7 @@ def check_invariants(database: Database) -> None:
             assert sum(run.exit_class == "done" for run in runs) == (job.state is JobState.DONE)
             assert len(ends) == is_over(job.state), "the end is told once"
             assert job.attempt <= job.max_attempts
+            assert sum(run.exit_class == "lost" for run in runs) <= ATTEMPTS, "lost attempts are bounded"
             assert (job.lease_until is not None) == (job.state is JobState.RUNNING)
             assert DESIGN_OF[job.state] is design.state
             verdicts = Counter(
@@ -159,6 +162,13 @@ class JobStore(RuleBasedStateMachine):
         reap_all(self.database)
         with self.database.reading() as session:
             assert not queries.expired(session)
+
+    @rule(lease=leases)
+    def come_back_late(self, lease: Lease) -> None:
+        """A worker that lives gives up what it holds, or says of what was taken from it that it was late."""
+        with self.database.writing() as session:
+            forgive_attempt(session, lease)
+            assert not queries.holds(session, lease)
 
     @rule(job_id=job_ids)
     def cancel(self, job_id: str) -> None:

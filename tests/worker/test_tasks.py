@@ -184,7 +184,9 @@ def test_a_worker_that_lost_its_job_while_frozen_discards_what_it_has(
     worker.perform(job_id)
     (design,) = designs(worker.database, study_id)
     assert (design.state, design.angle_deg, design.failure_class) == (DesignState.RUNNING, None, None)
-    assert job(worker.database, job_id).worker_id == "other"
+    stored = job(worker.database, job_id)
+    assert (stored.worker_id, stored.max_attempts) == ("other", 4), "that it was late costs no attempt"
+    assert [run.exit_class for run in runs(worker.database, job_id)] == ["late", None]
 
 
 def test_a_result_that_the_database_refuses_fails_the_design(worker: InProcessWorker) -> None:
