@@ -47,6 +47,15 @@ KINDS: Mapping[str, str] = {
 }
 
 
+# What is changed of the simulation's own settings, which should change nothing (effects.toml).
+SELF_TESTS: Mapping[str, str] = {
+    "self_time_step": "half the time step",
+    "self_stiffness": "stiffer grains",
+    "self_coarse_graining": "finer grains",
+    "self_particle_number": "fewer grains",
+}
+
+
 def reading(name: str) -> str:
     """Of a summary."""
     return READINGS.get(name, name)

@@ -104,8 +104,8 @@ def _charge_shots(url: str) -> list[Shot]:
 
 def _diagnosis_shots(url: str) -> list[Shot]:
     over = [item for item in _items(url, "/v1/diagnoses") if item["result"] and item["verdict"] != PLAN]
-    # Named ones first: their card has all four panels.
-    over.sort(key=lambda item: not item["result"].get("claims"))
+    # First what names most: its card has all four panels, or at least suspects.
+    over.sort(key=lambda item: (not item["result"].get("claims"), not item["result"].get("also_possible")))
     if not over:
         return []
     first = over[0]
@@ -179,7 +179,7 @@ def serving_copy(folder: Path) -> Iterator[str]:
         source.backup(target)
         source.close()
         target.close()
-        for part in ("artifacts", "geometries"):
+        for part in ("artifacts", "geometries", "checkpoints"):
             if (folder / part).is_dir():
                 (copy / part).symlink_to((folder / part).resolve())
         settings = Settings(data_dir=copy, database_url=f"sqlite:///{copy / 'talus.db'}")
