@@ -2,7 +2,8 @@
 
 Two studies of the pellet, one of them without a surrogate, a charge of coke and one of iron, two diagnoses of
 piles that another code made (tests/diagnosis/piles), an uploaded deflector, and a finer charge that is under way
-while pictures are taken.
+while pictures are taken. Beside these, studies that ran for hours and were exported (docs/studies): one so coarse
+is seldom certified.
 """
 
 from __future__ import annotations
@@ -39,8 +40,10 @@ SMALL_DIAGNOSIS = {
     "second_wave": 16,
     "plants": 100,
 }
+STUDIES = Path(__file__).resolve().parents[2] / "docs" / "studies"
+EXPORTED = ("pellet_coarse", "pellet")
 UNDER_WAY_SCALE = 8.0
-FRAMES_TO_SEE = 6
+FRAMES_TO_SEE = 8
 
 
 @contextmanager
@@ -63,6 +66,8 @@ def small_installation(
                 folder = Path(name) / case
                 write_tables(few_conditions(data_set(case)), folder)
                 tasks.append(talus.diagnose(folder, **SMALL_DIAGNOSIS))
+            for exported in EXPORTED:
+                talus.import_study(STUDIES / exported / "study.json")
             _upload_deflector(service.url, Path(name) / "deflector.stl")
             for task in tasks:
                 task.wait()

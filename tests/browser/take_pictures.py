@@ -71,21 +71,25 @@ def shots_of(url: str) -> list[Shot]:
 
 
 def _study_shots(url: str) -> list[Shot]:
+    """Of the study that shows most: recommended, certified; piles are of one that still has its files."""
     studies = _items(url, "/v1/studies?limit=50")
+    studies.sort(key=lambda item: not (item["recommendation"] or {}).get("certified"))
     over = [item for item in studies if item["recommendation"]] or studies
     if not over:
         return []
-    first = over[0]["id"]
-    design, other = _designs(url, first)
+    first = over[0]
     found = [
-        Shot("study", f"/studies/{first}"),
-        Shot("analysis", f"/studies/{first}/analysis"),
-        Shot("report_study", f"/studies/{first}/report"),
-        Shot("design", f"/designs/{design}"),
-        Shot("compare_piles", f"/compare?kind=design&a={design}&b={other}"),
+        Shot("study", f"/studies/{first['id']}"),
+        Shot("analysis", f"/studies/{first['id']}/analysis"),
+        Shot("report_study", f"/studies/{first['id']}/report"),
     ]
-    if len(over) > 1:
-        found.append(Shot("compare_studies", f"/compare?kind=study&a={first}&b={over[1]['id']}"))
+    pair = next((designs for item in over if (designs := _piles(url, item["id"]))), None)
+    if pair is not None:
+        found.append(Shot("design", f"/designs/{pair[0]}"))
+        found.append(Shot("compare_piles", f"/compare?kind=design&a={pair[0]}&b={pair[1]}"))
+    alike = [item["id"] for item in over[1:] if item["material"] == first["material"]]
+    if alike:
+        found.append(Shot("compare_studies", f"/compare?kind=study&a={first['id']}&b={alike[0]}"))
     return found
 
 
@@ -127,12 +131,14 @@ def _items(url: str, path: str) -> list[dict[str, Any]]:
     return found
 
 
-def _designs(url: str, study: int) -> tuple[int, int]:
-    """The first recommended design and another one, else the first two with an angle."""
+def _piles(url: str, study: int) -> tuple[int, int] | None:
+    """The first recommended design and another one, else the first two with an angle; None: no grains."""
     told = httpx.get(f"{url}/v1/studies/{study}").json()["recommendation"] or {}
     items = _items(url, f"/v1/studies/{study}/designs?limit=200")
     seen = [item for item in items if item["angle_deg"] is not None]
     best = [item for item in seen if item["number"] in told.get("numbers", [])] or seen
+    if not best or httpx.get(f"{url}/designs/{best[0]['id']}/scene").json()["state"] != "ready":
+        return None
     others = [item for item in seen if item["id"] != best[0]["id"]] or best
     return int(best[0]["id"]), int(others[-1]["id"])
 
