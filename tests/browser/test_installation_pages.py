@@ -21,6 +21,7 @@ from tests.builders.diagnoses import a_data_set, a_diagnosis
 from tests.builders.mesh_files import binary_stl
 from tests.builders.piles import a_picture
 from tests.builders.server import Server
+from tests.builders.studies import a_finished_study
 from tests.service.dashboard.test_diagnosis_pages import RESULT
 
 if TYPE_CHECKING:
@@ -98,13 +99,15 @@ def test_a_mesh_is_looked_at_in_3d(page: Page, server: Server, scheme: str) -> N
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_diagnoses_are_accessible_and_fit_a_phone(
+def test_diagnoses_and_reports_are_accessible_and_fit_a_phone(
     page: Page, sqlite_database: Database, settings: Settings, scheme: str
 ) -> None:
     page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
     number = a_finished_diagnosis(sqlite_database, settings)
     a_diagnosis(sqlite_database, a_data_set(sqlite_database))
-    for address in ("/diagnoses", f"/diagnoses/{number}", f"/diagnoses/{number}/report"):
+    study = a_finished_study(sqlite_database)
+    reports = (f"/diagnoses/{number}/report", f"/studies/{study}/report")
+    for address in ("/diagnoses", f"/diagnoses/{number}", *reports):
         page.goto(address)
         page.wait_for_load_state("load")
         assert_sound(page)
