@@ -80,7 +80,7 @@ def _study_shots(url: str) -> list[Shot]:
     first = over[0]
     found = [
         Shot("study", f"/studies/{first['id']}"),
-        Shot("analysis", f"/studies/{first['id']}/analysis"),
+        Shot("analysis", f"/studies/{_reported(url, over)}/analysis"),
         Shot("report_study", f"/studies/{first['id']}/report"),
     ]
     pair = next((designs for item in over if (designs := _piles(url, item["id"]))), None)
@@ -129,6 +129,12 @@ def _diagnosis_shots(url: str) -> list[Shot]:
 def _items(url: str, path: str) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = httpx.get(url + path).json()["items"]
     return found
+
+
+def _reported(url: str, studies: Sequence[dict[str, Any]]) -> int:
+    """The first with a report, from which most of an analysis is drawn; an imported study brings none."""
+    ids = [int(item["id"]) for item in studies]
+    return next((i for i in ids if httpx.get(f"{url}/v1/studies/{i}/report").status_code == 200), ids[0])
 
 
 def _piles(url: str, study: int) -> tuple[int, int] | None:
