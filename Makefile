@@ -13,7 +13,7 @@
 #   make secure                                                  risky calls, secrets, known holes
 #   make test | slow | lint                                      the tests, the long tests, the linters
 #   make test-browser                                            the pages in Debian's chromium
-#   make pictures [DATA="folder ..."] [URL=...]                  docs/pictures, of real runs (makes some, or of DATA)
+#   make pictures [DATA="folder ..."] [URL=...] [KEEP=folder]    docs/pictures, of real runs (makes some, or of DATA)
 #   make setup | dev                                             only the environment: to run, to develop
 #   make lock                                                    bring both lock files up to date
 #   make clean                                                   remove .venv and caches (not var/, the data)
@@ -39,6 +39,7 @@ SEED ?=
 OUT ?=
 DATA ?=
 URL ?=
+KEEP ?=
 TESTS ?=
 
 .PHONY: help setup dev demo charge compare-workers serve test test-browser slow faults outages load fuzz secure lint lock clean
@@ -87,7 +88,8 @@ test-browser: $(DEV)
 	@$(BIN)/python -m pytest -m browser --numprocesses 0 tests/browser $(TESTS)
 
 pictures: $(DEV)
-	@$(BIN)/python -m tests.browser.take_pictures $(if $(DATA),--data $(DATA)) $(if $(URL),--url "$(URL)")
+	@$(BIN)/python -m tests.browser.take_pictures $(if $(DATA),--data $(DATA)) $(if $(URL),--url "$(URL)") \
+	  $(if $(KEEP),--keep "$(KEEP)")
 
 slow: $(DEV)
 	@$(BIN)/python -m pytest -m "slow or browser" $(TESTS)

@@ -40,6 +40,8 @@ from service.dashboard import (
     assets,
     compare_page,
     diagnosis_page,
+    geometry_page,
+    health_page,
     login,
     pages,
     report_page,
@@ -106,6 +108,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(analysis_page.router)
     app.include_router(start_page.router)
     app.include_router(diagnosis_page.router)
+    app.include_router(geometry_page.router)
+    app.include_router(geometry_page.scene_router)
+    app.include_router(health_page.router)
     app.include_router(report_page.router)
     app.include_router(scene_routes.router)
     app.include_router(compare_page.router)

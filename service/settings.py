@@ -141,6 +141,15 @@ class Settings(BaseSettings):
         return self.data_dir / "geometries"
 
     @property
+    def checkpoints_dir(self) -> Path:
+        """What jobs that are not over need to go on."""
+        return self.data_dir / "checkpoints"
+
+    def series_folder(self, job_id: str) -> Path:
+        """Where the frames of a charge lie until it is over, beside its checkpoint."""
+        return self.checkpoints_dir / f"{job_id}.series"
+
+    @property
     def logs_dir(self) -> Path:
         return self.data_dir / "logs"
 

@@ -17,7 +17,7 @@ from service.file_store import artifact_store, geometry_store
 from service.settings import Settings
 from service.studies.claim_job import ChargeClaim
 from worker.charge_report import Source, write_report
-from worker.evaluate import Report, as_progress, checkpoint_path, plain, series_folder, store_file
+from worker.evaluate import Report, as_progress, checkpoint_path, plain, store_file
 
 HDF, PNG = "application/x-hdf5", "image/png"
 # Kind of an artifact, the file that it is written to, and its media type.
@@ -46,7 +46,7 @@ def evaluate_charge(claim: ChargeClaim, report: Report, settings: Settings) -> C
     checkpoint.parent.mkdir(parents=True, exist_ok=True)
     recorder = None
     if claim.spec.frame_seconds is not None:
-        folder = series_folder(claim.lease.job_id, settings)
+        folder = settings.series_folder(claim.lease.job_id)
         folder.mkdir(exist_ok=True)
         recorder = SeriesRecorder(folder, claim.spec.frame_seconds)
     try:
@@ -74,7 +74,7 @@ def _store_files(
     """Write everything that the charge leaves, and put it into the store by its content."""
     store = artifact_store(settings)
     with store.incoming() as folder:
-        for file in series_folder(job_id, settings).glob("*.vtkhdf"):
+        for file in settings.series_folder(job_id).glob("*.vtkhdf"):
             shutil.move(file, folder / file.name)  # another disk, where the store is not a folder
         write_charge(result, folder / "charge.vtkhdf")
         draw_plant(result.test.plant, folder / "plant.png")

@@ -18,6 +18,7 @@ from demcore.identity import identity
 from service.db.session import Database
 from service.domain.data_set.records import Condition, DataSet
 from service.domain.diagnosis import DiagnosisOutcome, DiagnosisSpec, Extension, expected_cost
+from service.domain.misfit_words import SELF_TESTS, reading
 from service.domain.outcome import StoredArtifact
 from service.file_store import artifact_store
 from service.settings import Settings
@@ -159,9 +160,11 @@ def _self_tests(simulator: Simulator, found: Diagnosis, options: Options) -> tup
 
 
 def _failed(test: SelfTestOutcome) -> str:
+    condition, _, summary = test.cell.rpartition(" ")
+    changed = SELF_TESTS.get(test.id, test.id)
     return (
-        f"The simulation's own error {test.id} moves {test.cell} by {test.shift:.1f} sd of what was measured: "
-        "a cause that looks like it may be the simulation's."
+        f"The simulation itself is not converged: {changed} ({test.id}) moves the {reading(summary)} of condition "
+        f"{condition} by {test.shift:.1f} sd of what was measured. A cause that looks like it may be its own."
     )
 
 

@@ -57,19 +57,13 @@ def evaluate(claim: Claim, report: Report, settings: Settings) -> PileMeasuremen
 
 def checkpoint_path(job_id: str, settings: Settings) -> Path:
     """Where a job's checkpoint lies: beside it, under the same name with a suffix, the one before."""
-    return settings.data_dir / "checkpoints" / job_id
-
-
-def series_folder(job_id: str, settings: Settings) -> Path:
-    """Where the frames of a charge lie until it is over, beside its checkpoint."""
-    path = checkpoint_path(job_id, settings)
-    return path.with_name(path.name + ".series")
+    return settings.checkpoints_dir / job_id
 
 
 def forget_checkpoint(job_id: str, settings: Settings) -> None:
     """Remove what a job that is over has left."""
     path = checkpoint_path(job_id, settings)
-    shutil.rmtree(series_folder(job_id, settings), ignore_errors=True)
+    shutil.rmtree(settings.series_folder(job_id), ignore_errors=True)
     for file in path.parent.glob(path.name + "*"):
         file.unlink(missing_ok=True)
 

@@ -7,9 +7,10 @@ from typing import Annotated, Any, Self
 from fastapi import APIRouter, Body, Query
 from pydantic import BaseModel, Field
 
-from service.api.dependencies import DatabaseDep, GeometriesDep, RowId
+from service.api.dependencies import DatabaseDep, GeometriesDep, IdCursor, Limit, RowId
 from service.api.problems import problem_responses
 from service.db.models import GeometryRow
+from service.db.read_geometries import list_geometries
 from service.errors import NotFound
 from service.studies.store_geometry import keep_mesh, store_geometry
 
@@ -45,6 +46,22 @@ def post_geometry(
     mesh = keep_mesh(geometries, file_name, content)
     with database.writing() as session:
         return GeometryAnswer.of(store_geometry(session, mesh))
+
+
+class GeometryList(BaseModel):
+    """A page of meshes."""
+
+    items: list[GeometryAnswer]
+    next_cursor: int | None
+
+
+@router.get("", operation_id="listGeometries", responses=problem_responses(422))
+def get_geometries(database: DatabaseDep, limit: Limit = 50, cursor: IdCursor = None) -> GeometryList:
+    """Meshes, newest first."""
+    with database.reading() as session:
+        rows = list_geometries(session, limit + 1, cursor)
+        items = [GeometryAnswer.of(row) for row in rows[:limit]]
+    return GeometryList(items=items, next_cursor=items[-1].id if len(rows) > limit else None)
 
 
 @router.get("/{geometry_id}", operation_id="getGeometry", responses=problem_responses(404, 422))

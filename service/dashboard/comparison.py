@@ -140,7 +140,8 @@ MARGIN = 12.0
 
 @dataclass(frozen=True)
 class Outlines:
-    """Two piles' mean heights as paths, and ticks: a place and its number; both axes in m, on one scale."""
+    """Two piles' mean heights as paths, and ticks: a place and its number; both axes in m, on one scale;
+    `marks`: of each pile, places with what a reader is told there."""
 
     paths: tuple[str, str]
     x_ticks: Sequence[tuple[float, str]]
@@ -150,6 +151,7 @@ class Outlines:
     left: float = LEFT
     top: float = TOP
     bottom: float = HEIGHT - BOTTOM
+    marks: Sequence[Sequence[tuple[float, float, str]]] = ()
 
 
 def draw_outlines(first: Side, second: Side) -> Outlines | None:
@@ -170,4 +172,15 @@ def draw_outlines(first: Side, second: Side) -> Outlines | None:
     x_ticks = [(LEFT + scale * step * k, f"{step * k:g}") for k in range(int(widest / step) + 1)]
     y_ticks = [(HEIGHT - BOTTOM - scale * step * k, f"{step * k:g}") for k in range(int(highest / step) + 1)]
     width = round(LEFT + scale * widest + MARGIN, 1)
-    return Outlines((path(first.outline), path(second.outline)), x_ticks, y_ticks, width)
+    marks = [
+        [
+            (
+                round(LEFT + scale * r, 1),
+                round(HEIGHT - BOTTOM - scale * h, 1),
+                f"{r:.3f} m from the axis: {h:.3f} m",
+            )
+            for r, h in zip(*outline, strict=True)
+        ]
+        for outline in (first.outline, second.outline)
+    ]
+    return Outlines((path(first.outline), path(second.outline)), x_ticks, y_ticks, width, marks=marks)

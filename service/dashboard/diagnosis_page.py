@@ -115,6 +115,15 @@ class DiagnosisPage:
         return [_claim(claim) for claim in self.result.get("claims", ())]
 
     @property
+    def possible(self) -> Sequence[tuple[str, str, float]]:
+        """Of what is not excluded: effect, what it is, how probable it is that it is needed."""
+        known = library()
+        return [
+            (item["effect"], known[item["effect"]].what if item["effect"] in known else "", item["inclusion"])
+            for item in self.result.get("also_possible", ())
+        ]
+
+    @property
     def limits(self) -> Sequence[tuple[str, str, str]]:
         """Effect, what it is, and the amplitude from which on these data would show it."""
         known = library()

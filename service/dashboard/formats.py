@@ -131,7 +131,7 @@ def size(amount: int | None) -> str:
     """1.3 MB"""
     if amount is None:
         return NOTHING
-    for unit, scale in (("MB", 1e6), ("kB", 1e3)):
+    for unit, scale in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if amount >= scale:
             return f"{amount / scale:.3g}{THIN}{unit}"
     return f"{amount}{THIN}bytes"

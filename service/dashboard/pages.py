@@ -18,9 +18,12 @@ from service.dashboard.overview_page import OverviewPage, read_overview
 from service.dashboard.rendering import HEADERS, PageRoute, page, render
 from service.dashboard.study_page import StudyPage, count_verdicts, read_study_page
 from service.db import dashboard_reads
+from service.db.models import JobRow
 from service.db.session import Database
 from service.domain.access import Principal
 from service.errors import NotFound
+from service.scene.journal_file import JOURNAL
+from service.settings import Settings
 
 router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
@@ -158,7 +161,23 @@ def charge_parts(request: Request, charge_id: str) -> Response:
     """What changes on a charge's page."""
     shown = _read_charge(request, charge_id)
     html = draw_parts(CHARGE_PARTS, **_charge_context(shown))
-    return parts_answer(0, shown.is_settled, html, has_scene=bool(shown.line.view.artifacts))
+    return parts_answer(
+        0,
+        shown.is_settled,
+        html,
+        has_scene=bool(shown.line.view.artifacts),
+        scene_size=_size_of_frames(request, None if shown.is_over else shown.line.view.job),
+    )
+
+
+def _size_of_frames(request: Request, job: JobRow | None) -> int:
+    """Bytes of the frames that a charge under way has written: when they grow there is more to see; else 0."""
+    settings = request.app.state.settings
+    assert isinstance(settings, Settings)
+    try:
+        return 0 if job is None else (settings.series_folder(job.id) / JOURNAL).stat().st_size
+    except OSError:
+        return 0
 
 
 def _read_charges(request: Request, before: int | None) -> dict[str, Any]:

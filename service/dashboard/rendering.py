@@ -14,6 +14,7 @@ from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from service.dashboard import assets, formats, words
+from service.domain.misfit_words import place
 from service.errors import NotFound, Unavailable
 from service.file_store import StoreAway
 
@@ -59,6 +60,7 @@ def environment() -> Environment:
         parameter_meaning=words.parameter_meaning,
         observable_name=words.observable_name,
         strategy_meaning=words.strategy_meaning,
+        place=place,
         word=words.look_up,
         words=words,
     )

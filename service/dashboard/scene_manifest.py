@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from demcore.errors import InputError
+from demcore.experiments.charge_case import load_charge
 from demcore.material import load_material, material_names
 from demcore.output.tessellation import revolution
 from service.db.models import ArtifactRow, ChargeRow, DesignRow, StudyRow
 from service.domain.states import is_over
 from service.file_store import FileStore
+from service.scene.journal_file import list_journal
 from service.scene.sphere_file import Frames, Surface, Unreadable, list_frames
 
 # Of a charge: grains over time where they were asked for, else those at the end.
@@ -22,6 +26,8 @@ WALL_KIND = "walls"
 RIM_M = 0.0
 # The base is drawn as a plate; its thickness is for the eye.
 PLATE_SHARE = 0.03
+# Before the number of a charge: the frames of one under way, which are no file of the store yet.
+RUNNING = "running-"
 AT_ITS_END = "a pile test keeps its grains at the end only"
 
 
@@ -47,7 +53,8 @@ class Missing:
 @dataclass(frozen=True)
 class Scene:
     """`state`: ready, waiting (the run is not over), none (it left nothing), removed (retention) or damaged;
-    `says` is told in the place of the picture where it is not ready."""
+    `says` is told in the place of the picture where it is not ready, above it where the run goes on.
+    `is_growing`: there will be more frames. `is_mesh`: there are walls alone."""
 
     state: str
     says: str = ""
@@ -57,6 +64,8 @@ class Scene:
     colours: Sequence[Colour] = ()
     missing: Sequence[Missing] = ()
     note: str = ""
+    is_growing: bool = False
+    is_mesh: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON."""
@@ -88,7 +97,7 @@ def pile_scene(study: StudyRow, design: DesignRow, files: Sequence[ArtifactRow],
     return Scene(
         "ready",
         title=f"The pile of {about}",
-        frames=_frames(row, held, lambda _k: walls),
+        frames=_frames(row.id, held, lambda _k: walls),
         materials=_materials(study.material, _parts_of(study.material)),
         colours=colours,
         missing=missing,
@@ -96,8 +105,13 @@ def pile_scene(study: StudyRow, design: DesignRow, files: Sequence[ArtifactRow],
     )
 
 
-def charge_scene(charge: ChargeRow, files: Sequence[ArtifactRow], store: FileStore) -> Scene:
-    """The grains of a charge: over time where a series was asked for, else at the end."""
+def charge_scene(
+    charge: ChargeRow, files: Sequence[ArtifactRow], store: FileStore, journal: Path | None = None
+) -> Scene:
+    """The grains of a charge: over time where a series was asked for, else at the end. `journal`: where the frames
+    of one under way are."""
+    if not is_over(charge.state) and not files:
+        return _growing_scene(charge, journal)
     found = _find(files, store, is_over(charge.state), "The charge", "left no grains to show")
     if isinstance(found, Scene):
         return found
@@ -125,12 +139,55 @@ def charge_scene(charge: ChargeRow, files: Sequence[ArtifactRow], store: FileSto
     return Scene(
         "ready",
         title=f"Charge {charge.id}: {charge.charge}",
-        frames=_frames(row, held, lambda k: None if surface is None else f"/scenes/{surface.id}/walls/{k}"),
+        frames=_frames(
+            row.id, held, lambda k: None if surface is None else f"/scenes/{surface.id}/walls/{k}"
+        ),
         materials=_materials(material.get("name") or charge.charge, parts),
         colours=colours,
         missing=missing,
         note=_scaled(charge.scale),
     )
+
+
+def _growing_scene(charge: ChargeRow, journal: Path | None) -> Scene:
+    """The frames that a charge under way has written so far."""
+    pause = charge.spec["frame_seconds"]
+    if pause is None:
+        return Scene(
+            "waiting", "No time series was asked for with this charge: its grains appear here when it ends."
+        )
+    try:
+        held = None if journal is None else list_journal(journal)
+    except Unreadable:
+        held = None
+    if held is None or not held.times_s:
+        says = (
+            f"The grains appear here while the charge runs: at its start, then every {pause:g} s of simulated "
+            "time. Of a worker on another machine they come when it ends."
+        )
+        return Scene("waiting", says)
+    name, parts = _charged(charge.charge)
+    return Scene(
+        "ready",
+        says=f"The charge is under way: its last stored frame is at {held.times_s[-1]:.4g} s of simulated time; "
+        f"the next one, {pause:g} s later, appears here by itself.",
+        title=f"Charge {charge.id}: {charge.charge}, under way",
+        frames=_frames(f"{RUNNING}{charge.id}", held, lambda k: f"/scenes/{RUNNING}{charge.id}/walls/{k}"),
+        materials=_materials(name, parts),
+        colours=[HEIGHT, SIZE, MATERIAL, SPEED],
+        missing=[Missing("time of arrival", "it is read when the charge is over")],
+        note=_scaled(charge.scale),
+        is_growing=True,
+    )
+
+
+def _charged(name: str) -> tuple[str, list[str]]:
+    """The material of a shipped charge and, of a mix, its parts."""
+    try:
+        material = load_charge(name).material
+    except InputError:
+        return name, []
+    return material.name, [part.material.name for part in material.parts]
 
 
 def base_plate(results: Mapping[str, Any]) -> Surface:
@@ -163,9 +220,9 @@ def _find(
     return Scene("waiting", f"{what} is not over: its grains appear here when it ends.")
 
 
-def _frames(row: ArtifactRow, held: Frames, walls_of: Any) -> list[dict[str, Any]]:
+def _frames(scene: int | str, held: Frames, walls_of: Any) -> list[dict[str, Any]]:
     return [
-        {"time_s": time, "grains": count, "url": f"/scenes/{row.id}/frames/{k}", "walls": walls_of(k)}
+        {"time_s": time, "grains": count, "url": f"/scenes/{scene}/frames/{k}", "walls": walls_of(k)}
         for k, (time, count) in enumerate(zip(held.times_s, held.counts, strict=True))
     ]
 

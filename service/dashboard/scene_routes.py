@@ -16,6 +16,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 from service.dashboard.pages import database_of, parse_id
 from service.dashboard.scene_manifest import (
     RIM_M,
+    RUNNING,
     SPHERE_KINDS,
     WALL_KIND,
     Scene,
@@ -28,6 +29,7 @@ from service.db.models import ArtifactRow, StudyRow
 from service.errors import NotFound
 from service.file_store import FileStore, artifact_store
 from service.scene.exact import describe_grain, write_table
+from service.scene.journal_file import JOURNAL, read_journal_spheres, read_journal_surface
 from service.scene.packing import MEDIA_TYPE, pack_column, pack_frame, pack_walls
 from service.scene.sphere_file import Floats, Spheres, Unreadable, read_arrivals, read_spheres, read_surface
 from service.settings import Settings
@@ -57,7 +59,7 @@ def get_pile_walls(request: Request, design_id: str) -> Response:
     results = (view.design.results or {}) if view is not None else {}
     if not results.get("rig"):
         raise NotFound(f"There is no base of design {design_id}.")
-    return _packed(pack_walls(base_plate(results), solid=(0,)))
+    return packed(pack_walls(base_plate(results), solid=(0,)))
 
 
 @router.get("/charges/{charge_id}/scene")
@@ -67,30 +69,32 @@ def get_charge_scene(request: Request, charge_id: str) -> Response:
         view = read_charges.open_charge(session, parse_id(charge_id, "charge"))
     if view is None:
         raise NotFound(f"There is no charge {charge_id}.")
-    return _scene(charge_scene(view.charge, view.artifacts, _store(request)))
+    journal = None if view.job is None else _journal(request, view.job.id)
+    return _scene(charge_scene(view.charge, view.artifacts, _store(request), journal))
 
 
 @router.get("/scenes/{scene_id}/frames/{k}")
 def get_frame(request: Request, scene_id: str, k: str) -> Response:
     """All grains of a frame, 8 bytes each (service/scene/packing.py)."""
-    return _answer(request, scene_id, SPHERE_KINDS, k, read_spheres, pack_frame)
+    return packed(pack_frame(_spheres(request, scene_id, k)))
 
 
 @router.get("/scenes/{scene_id}/frames/{k}/columns/{column}")
 def get_column(request: Request, scene_id: str, k: str, column: str) -> Response:
     """One more number of each grain, a byte each."""
-
-    path = _path(request, scene_id, SPHERE_KINDS)
-    values = _column(_read(path, k, read_spheres), column, path)
+    spheres = _spheres(request, scene_id, k)
+    values = spheres.speeds if column == "speed" else None
+    if column == "arrival" and "Number" in spheres.data and not scene_id.startswith(RUNNING):
+        values = _arrivals(spheres, _path(request, scene_id, SPHERE_KINDS))
     if values is None:
         raise NotFound(f"There is no {column[:40]} in this file.")
-    return _packed(pack_column(values))
+    return packed(pack_column(values))
 
 
 @router.get("/scenes/{scene_id}/frames/{k}/grains/{row}")
 def get_grain(request: Request, scene_id: str, k: str, row: str) -> Response:
     """One grain, unrounded."""
-    spheres = _read(_path(request, scene_id, SPHERE_KINDS), k, read_spheres)
+    spheres = _spheres(request, scene_id, k)
     try:
         return JSONResponse(describe_grain(spheres, _index(row)))
     except IndexError:
@@ -100,7 +104,7 @@ def get_grain(request: Request, scene_id: str, k: str, row: str) -> Response:
 @router.get("/scenes/{scene_id}/frames/{k}/table.csv")
 def get_table(request: Request, scene_id: str, k: str) -> Response:
     """All grains of a frame, unrounded."""
-    spheres = _read(_path(request, scene_id, SPHERE_KINDS), k, read_spheres)
+    spheres = _spheres(request, scene_id, k)
     name = f"grains-{scene_id}-{int(k)}.csv"
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     return StreamingResponse(write_table(spheres), media_type="text/csv; charset=utf-8", headers=headers)
@@ -109,17 +113,24 @@ def get_table(request: Request, scene_id: str, k: str) -> Response:
 @router.get("/scenes/{walls_id}/walls/{k}")
 def get_walls(request: Request, walls_id: str, k: str) -> Response:
     """The triangles of a frame's walls."""
-    return _answer(request, walls_id, (WALL_KIND,), k, read_surface, pack_walls)
+    if walls_id.startswith(RUNNING):
+        surface = _read(_running(request, walls_id), k, read_journal_surface)
+    else:
+        surface = _read(_path(request, walls_id, (WALL_KIND,)), k, read_surface)
+    return packed(pack_walls(surface))
 
 
-def _column(spheres: Spheres, name: str, path: Path) -> Floats | None:
-    if name == "speed":
-        return spheres.speeds
-    if name == "arrival" and "Number" in spheres.data:
-        arrivals = read_arrivals(path, RIM_M)[spheres.data["Number"]]
-        # What comes later than this frame has not arrived in it.
-        return np.where(arrivals <= spheres.time_s, arrivals, np.nan)
-    return None
+def _spheres(request: Request, scene_id: str, k: str) -> Spheres:
+    """A frame of a stored file, or of a charge under way."""
+    if scene_id.startswith(RUNNING):
+        return _read(_running(request, scene_id), k, read_journal_spheres)
+    return _read(_path(request, scene_id, SPHERE_KINDS), k, read_spheres)
+
+
+def _arrivals(spheres: Spheres, path: Path) -> Floats:
+    arrivals = read_arrivals(path, RIM_M)[spheres.data["Number"]]
+    # What comes later than this frame has not arrived in it.
+    return np.where(arrivals <= spheres.time_s, arrivals, np.nan)
 
 
 def _store(request: Request) -> FileStore:
@@ -140,6 +151,21 @@ def _path(request: Request, artifact_id: str, kinds: tuple[str, ...]) -> Path:
     return path
 
 
+def _journal(request: Request, job_id: str) -> Path:
+    settings = request.app.state.settings
+    assert isinstance(settings, Settings)
+    return settings.series_folder(job_id) / JOURNAL
+
+
+def _running(request: Request, scene_id: str) -> Path:
+    """The journal of a charge under way, by `running-ID`."""
+    with database_of(request).reading() as session:
+        view = read_charges.open_charge(session, parse_id(scene_id.removeprefix(RUNNING), "charge"))
+    if view is None or view.job is None or not (path := _journal(request, view.job.id)).is_file():
+        raise NotFound(f"There are no frames of a charge under way at {scene_id[:40]}.")
+    return path
+
+
 def _index(text: str) -> int:
     """A row or frame number of an address; one that cannot be is beyond every end."""
     return int(text) if text.isascii() and text.isdigit() and len(text) < 10 else MOST_FRAMES**2
@@ -154,19 +180,8 @@ def _read(path: Path, k: str, read: Callable[[Path, int], T]) -> T:
         raise NotFound(f"There is nothing to draw: {error}.") from None
 
 
-def _answer(
-    request: Request,
-    artifact_id: str,
-    kinds: tuple[str, ...],
-    k: str,
-    read: Callable[[Path, int], T],
-    pack: Callable[[T], bytes],
-) -> Response:
-    """Packed. A page keeps its frames itself: like every answer with data, it stays out of the browser's cache."""
-    return _packed(pack(_read(_path(request, artifact_id, kinds), k, read)))
-
-
-def _packed(content: bytes) -> Response:
+def packed(content: bytes) -> Response:
+    """A page keeps its frames itself: like every answer with data, it stays out of the browser's cache."""
     return Response(content, media_type=MEDIA_TYPE, headers={"Cache-Control": "no-store"})
 
 

@@ -17,11 +17,14 @@ FAINTEST = 0.25
 
 @dataclass(frozen=True)
 class Wedge:
-    """One sector: the path of its outline, how dark it is, 0 to 1, and what a reader is told of it."""
+    """One sector: its outline, how dark it is, 0 to 1, what a reader is told of it, and its numbers."""
 
     path: str
     shade: float
     told: str
+    azimuth_deg: float
+    mass_kg: float
+    size_m: float | None
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,8 @@ class Rose:
 
     wedges: tuple[Wedge, ...]
     mean: float
+    mean_kg: float
+    most_kg: float
     deflector: tuple[float, float] | None
 
 
@@ -47,9 +52,9 @@ def draw_rose(results: Mapping[str, Any]) -> Rose | None:
         share = 0.0 if size is None else (size - low) / span
         told = f"{azimuth:.0f}°: {mass:.0f} kg" + ("" if size is None else f", {1e3 * size:.0f} mm")
         path = _wedge(math.radians(azimuth), half, LONGEST * mass / most)
-        wedges.append(Wedge(path, round(FAINTEST + (1.0 - FAINTEST) * share, 3), told))
-    mean = LONGEST * sum(masses) / len(masses) / most
-    return Rose(tuple(wedges), round(mean, 2), _deflector(results))
+        wedges.append(Wedge(path, round(FAINTEST + (1.0 - FAINTEST) * share, 3), told, azimuth, mass, size))
+    mean = sum(masses) / len(masses)
+    return Rose(tuple(wedges), round(LONGEST * mean / most, 2), mean, most, _deflector(results))
 
 
 def _wedge(middle: float, half: float, radius: float) -> str:

@@ -1,9 +1,9 @@
 """Renews docs/pictures: every page at a laptop's and a phone's size. `make pictures [DATA="dir ..."] [URL=...]`
 
-From real runs: of data folders (which are copied, never written to), of a service that runs, or, where neither is
-named, of a small installation that is made for it: a study of the pellet and a charge of coke, as coarse as
-they may be, through the service (minutes; `--budget`, `--charge-scale`). A page is taken from the first place that
-has it.
+From real runs: of data folders (which are copied, never written to), of a service that runs, or, where neither
+is named, of a small installation that is made for it, as coarse as it may be (tests/browser/picture_runs.py, a
+quarter of an hour of a core); its data are thrown away, unless `--keep FOLDER` says where they stay. A page is
+taken from the first place that has it.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from typing import TYPE_CHECKING, Any
 import httpx
 from PIL import Image
 
-from service.client.local_service import running_service
-from service.client.notebook import Talus
 from service.db.migrate import upgrade
 from service.db.presence import report_presence
 from service.db.session import Database
+from service.domain.diagnosis import PLAN
 from service.settings import Settings
 from tests.browser.chromium import LAPTOP, PHONE, missing, running_chromium, wait_until
+from tests.browser.picture_runs import asking_installation, small_installation
 from tests.builders.server import Server
 
 if TYPE_CHECKING:
@@ -45,44 +45,84 @@ SETTLED = """[...document.querySelectorAll("[data-chart]")].every(
   && [...document.querySelectorAll("[data-scene]")].every((box) => box.dataset.drawn !== undefined
     || !box.querySelector('[data-part="state"]').textContent.includes("oading"))
   && document.getElementById("cost")?.textContent !== "…" """
-DARK = ("study", "charge")
+DARK = ("study", "charge", "diagnosis", "health")
+# Nothing is hidden in the second: its verdict shows what a diagnosis says then.
+CASES = ("case_00", "case_05")
 
 
 @dataclass(frozen=True)
 class Shot:
-    """A page by the name of its picture."""
+    """A page by the name of its picture; or a picture that the service stores, kept as it is."""
 
     name: str
     path: str
+    is_file: bool = False
 
 
 def shots_of(url: str) -> list[Shot]:
     """The pages that a service has something to show on."""
-    found = [
-        Shot("overview", "/"),
-        *(Shot(f"new_{key}", f"/new/{key}") for key in ("study", "charge", "diagnosis")),
-    ]
-    found.append(Shot("new_measurement", "/new/measurement"))
+    found = [Shot("overview", "/"), Shot("health", "/health")]
+    found += [Shot(f"new_{key}", f"/new/{key}") for key in ("study", "charge", "diagnosis", "measurement")]
+    found += [*_study_shots(url), *_charge_shots(url), *_diagnosis_shots(url)]
+    geometries = [item["id"] for item in _items(url, "/v1/geometries")]
+    if geometries:
+        found += [Shot("geometries", "/geometries"), Shot("geometry", f"/geometries/{geometries[0]}")]
+    return found
+
+
+def _study_shots(url: str) -> list[Shot]:
+    """Of the study that shows most: recommended, certified; piles are of one that still has its files."""
     studies = _items(url, "/v1/studies?limit=50")
-    over = [item["id"] for item in studies if item["recommendation"]] or [item["id"] for item in studies]
+    studies.sort(key=lambda item: not (item["recommendation"] or {}).get("certified"))
+    over = [item for item in studies if item["recommendation"]] or studies
+    if not over:
+        return []
+    first = over[0]
+    found = [
+        Shot("study", f"/studies/{first['id']}"),
+        Shot("analysis", f"/studies/{_reported(url, over)}/analysis"),
+        Shot("report_study", f"/studies/{first['id']}/report"),
+    ]
+    pair = next((designs for item in over if (designs := _piles(url, item["id"]))), None)
+    if pair is not None:
+        found.append(Shot("design", f"/designs/{pair[0]}"))
+        found.append(Shot("compare_piles", f"/compare?kind=design&a={pair[0]}&b={pair[1]}"))
+    alike = [item["id"] for item in over[1:] if item["material"] == first["material"]]
+    if alike:
+        found.append(Shot("compare_studies", f"/compare?kind=study&a={first['id']}&b={alike[0]}"))
+    return found
+
+
+def _charge_shots(url: str) -> list[Shot]:
+    charges = _items(url, "/v1/charges")
+    over = [item for item in charges if item["findings"]]
+    found = [Shot("charges", "/charges")] if charges else []
+    found += [Shot("charge_running", f"/charges/{c['id']}") for c in charges if c["state"] == "RUNNING"][:1]
     if over:
-        design, other = _designs(url, over[0])
-        found += [
-            Shot("study", f"/studies/{over[0]}"),
-            Shot("analysis", f"/studies/{over[0]}/analysis"),
-            Shot("report_study", f"/studies/{over[0]}/report"),
-            Shot("design", f"/designs/{design}"),
-            Shot("compare_piles", f"/compare?kind=design&a={design}&b={other}"),
-        ]
-    if len(over) > 1:
-        found.append(Shot("compare_studies", f"/compare?kind=study&a={over[0]}&b={over[1]}"))
-    charges = [item["id"] for item in _items(url, "/v1/charges") if item["findings"]]
-    if charges:
-        found += [Shot("charges", "/charges"), Shot("charge", f"/charges/{charges[0]}")]
-    diagnoses = [item["id"] for item in _items(url, "/v1/diagnoses") if item["result"]]
-    if diagnoses:
-        found += [Shot("diagnoses", "/diagnoses"), Shot("diagnosis", f"/diagnoses/{diagnoses[0]}")]
-        found.append(Shot("report_diagnosis", f"/diagnoses/{diagnoses[0]}/report"))
+        found.append(Shot("charge", f"/charges/{over[0]['id']}"))
+        others = [item["id"] for item in over[1:] if item["scale"] == over[0]["scale"]]
+        if others:
+            found.append(Shot("compare_charges", f"/compare?kind=charge&a={others[0]}&b={over[0]['id']}"))
+    return found
+
+
+def _diagnosis_shots(url: str) -> list[Shot]:
+    over = [item for item in _items(url, "/v1/diagnoses") if item["result"] and item["verdict"] != PLAN]
+    # First what names most: its card has all four panels, or at least suspects.
+    over.sort(key=lambda item: (not item["result"].get("claims"), not item["result"].get("also_possible")))
+    if not over:
+        return []
+    first = over[0]
+    found = [
+        Shot("diagnoses", "/diagnoses"),
+        Shot("diagnosis", f"/diagnoses/{first['id']}"),
+        Shot("report_diagnosis", f"/diagnoses/{first['id']}/report"),
+    ]
+    cards = [file["id"] for file in first["artifacts"] if file["kind"] == "card"]
+    found += [Shot("diagnosis_card", f"/v1/artifacts/{card}", is_file=True) for card in cards]
+    versions = [item["id"] for item in _items(url, "/v1/model-versions")]
+    if len(versions) > 1:
+        found.append(Shot("compare_models", f"/compare?kind=model&a={versions[1]}&b={versions[0]}"))
     return found
 
 
@@ -91,12 +131,20 @@ def _items(url: str, path: str) -> list[dict[str, Any]]:
     return found
 
 
-def _designs(url: str, study: int) -> tuple[int, int]:
-    """The first recommended design and another one, else the first two with an angle."""
+def _reported(url: str, studies: Sequence[dict[str, Any]]) -> int:
+    """The first with a report, from which most of an analysis is drawn; an imported study brings none."""
+    ids = [int(item["id"]) for item in studies]
+    return next((i for i in ids if httpx.get(f"{url}/v1/studies/{i}/report").status_code == 200), ids[0])
+
+
+def _piles(url: str, study: int) -> tuple[int, int] | None:
+    """The first recommended design and another one, else the first two with an angle; None: no grains."""
     told = httpx.get(f"{url}/v1/studies/{study}").json()["recommendation"] or {}
     items = _items(url, f"/v1/studies/{study}/designs?limit=200")
     seen = [item for item in items if item["angle_deg"] is not None]
     best = [item for item in seen if item["number"] in told.get("numbers", [])] or seen
+    if not best or httpx.get(f"{url}/designs/{best[0]['id']}/scene").json()["state"] != "ready":
+        return None
     others = [item for item in seen if item["id"] != best[0]["id"]] or best
     return int(best[0]["id"]), int(others[-1]["id"])
 
@@ -143,7 +191,7 @@ def serving_copy(folder: Path) -> Iterator[str]:
         source.backup(target)
         source.close()
         target.close()
-        for part in ("artifacts", "geometries"):
+        for part in ("artifacts", "geometries", "checkpoints"):
             if (folder / part).is_dir():
                 (copy / part).symlink_to((folder / part).resolve())
         settings = Settings(data_dir=copy, database_url=f"sqlite:///{copy / 'talus.db'}")
@@ -173,28 +221,17 @@ def _be_present(database: Database, over: threading.Event) -> None:
             return
 
 
-@contextmanager
-def small_installation(budget: int, charge_scale: float) -> Iterator[str]:
-    """The URL of a service with a study and a charge that were simulated for it."""
-    with tempfile.TemporaryDirectory(prefix="talus-pictures-") as name:
-        settings = Settings(data_dir=Path(name))
-        with running_service(settings) as service, Talus(service.url) as talus:
-            service.wait_for("database", "schema", "broker", "workers")
-            study = talus.calibrate("pellet", scale=4, budget=budget, initial_designs=min(4, budget))
-            (charge,) = talus.start_charges("coke", scale=charge_scale, seeds=[1], frame_seconds=2.0)
-            print(f"simulating: {study.url}, {charge.url}", flush=True)
-            study.wait()
-            charge.wait()
-            yield service.url
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", nargs="*", type=Path, default=[], help="data folders to look at")
+    parser.add_argument("--keep", type=Path, help="where a small installation's data stay")
     parser.add_argument("--url", help="a service that runs")
     parser.add_argument("--only", nargs="*", help="names of pictures, default: all")
     parser.add_argument("--budget", type=int, default=8)
     parser.add_argument("--charge-scale", type=float, default=16.0)
+    parser.add_argument(
+        "--cases", nargs="*", default=list(CASES), help="data sets of tests/diagnosis/piles/bank"
+    )
     options = parser.parse_args()
     reason = missing()
     if reason is not None:
@@ -204,23 +241,35 @@ def main() -> None:
         urls = [options.url.rstrip("/")] if options.url else []
         urls += [stack.enter_context(serving_copy(folder)) for folder in options.data]
         if not urls:
-            urls = [stack.enter_context(small_installation(options.budget, options.charge_scale))]
+            made = small_installation(
+                options.keep, options.budget, options.charge_scale, tuple(options.cases)
+            )
+            urls = [stack.enter_context(made)]
         browser = stack.enter_context(running_chromium())
         take_all(browser, urls, options.only)
+        if not options.only or "login" in options.only:
+            take_page(browser, stack.enter_context(asking_installation()), Shot("login", "/login"))
 
 
 def take_all(browser: Browser, urls: Sequence[str], only: Sequence[str] | None) -> None:
-    """Each page once, in two sizes, some in the dark too."""
+    """Each page once, from the first place that has it."""
     done = set[str]()
     for url in urls:
         for shot in shots_of(url):
-            if shot.name in done or (only and shot.name not in only):
-                continue
-            done.add(shot.name)
-            take(browser, url + shot.path, shot.name, LAPTOP)
-            take(browser, url + shot.path, f"{shot.name}_phone", PHONE)
-            if shot.name in DARK:
-                take(browser, url + shot.path, f"{shot.name}_dark", LAPTOP, "dark")
+            if shot.name not in done and (not only or shot.name in only):
+                done.add(shot.name)
+                take_page(browser, url, shot)
+
+
+def take_page(browser: Browser, url: str, shot: Shot) -> None:
+    """A page in two sizes, some in the dark too."""
+    if shot.is_file:
+        (PICTURES / f"{shot.name}.png").write_bytes(httpx.get(url + shot.path).content)
+        return
+    take(browser, url + shot.path, shot.name, LAPTOP)
+    take(browser, url + shot.path, f"{shot.name}_phone", PHONE)
+    if shot.name in DARK:
+        take(browser, url + shot.path, f"{shot.name}_dark", LAPTOP, "dark")
 
 
 if __name__ == "__main__":

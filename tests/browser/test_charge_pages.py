@@ -36,6 +36,13 @@ def test_a_charge_fills_in_when_it_ends_and_stands_beside_its_series(
     page.wait_for_selector("#series-table:has-text('1.60')")
     page.wait_for_selector("#live[data-state=over]")
     assert page.locator(".rose-wedge").count() == 4
+    with page.expect_download() as coming:
+        page.get_by_role("button", name="Mass by sector, as CSV").click()
+    rows = coming.value.path().read_text().splitlines()
+    assert "mass, kg" in rows[0] and len(rows) == 5
+    with page.expect_download() as coming:
+        page.get_by_role("button", name="Mass by sector, as PNG").click()
+    assert coming.value.path().read_bytes().startswith(b"\x89PNG")
     page.locator(".shot img").first.scroll_into_view_if_needed()
     wait_until(page, "document.querySelector('.shot img').naturalWidth === 90")
     assert page.evaluate("window.isStillTheSamePage") is True

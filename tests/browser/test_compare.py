@@ -41,6 +41,15 @@ def test_two_piles_are_picked_and_turn_together(
     coming.value.save_as(tmp_path / "compared.csv")
     lines = (tmp_path / "compared.csv").read_text().splitlines()
     assert lines[0].startswith("Number,Simulation 1 of study 1,Simulation 1 of study 2,Difference")
+    with page.expect_download() as coming:
+        page.get_by_role("button", name="Mean heights, as CSV").click()
+    coming.value.save_as(tmp_path / "heights.csv")
+    heights = (tmp_path / "heights.csv").read_text().splitlines()
+    assert "mean height, m" in heights[0] and len(heights) == 1 + page.locator(".outline-mark").count()
+    with page.expect_download() as coming:
+        page.get_by_role("button", name="Mean heights, as PNG").click()
+    assert coming.value.path().read_bytes().startswith(b"\x89PNG")
+    assert "from the axis:" in page.locator(".outline-mark title").first.text_content()
     assert serious_faults(page) == []
     page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})
     assert page.evaluate("document.documentElement.scrollWidth - window.innerWidth") <= 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -75,6 +76,30 @@ def test_a_design_shows_profile_and_sectors(
     # The drawn line falls by the tangent of the angle.
     fall = (fitted["y"][0] - fitted["y"][1]) / (fitted["x"][1] - fitted["x"][0])
     assert fall == pytest.approx(0.4748, abs=1e-3)
+
+
+def test_every_chart_of_a_design_and_a_study_comes_as_png_and_csv(
+    page: Page, sqlite_database: Database, settings: Settings
+) -> None:
+    study_id = piles.a_finished_study(sqlite_database, certified=True, settings=settings)
+    design = designs(sqlite_database, study_id)[1]
+    for address, charts in (
+        (f"/designs/{design.id}", {"profile": "mean height, m", "sectors": "slope of the sector, °"}),
+        (f"/studies/{study_id}", {"angle": "standard error, °", "profile": "distance from the axis, m"}),
+    ):
+        page.goto(address)
+        for name, column in charts.items():
+            page.wait_for_selector(f'[data-chart="{name}"] .main-svg')
+            button = page.locator(f'[data-save="csv"][data-of="{name}"]')
+            with page.expect_download() as coming:
+                button.focus()
+                page.keyboard.press("Enter")
+            rows = list(csv.reader(coming.value.path().read_text().splitlines()))
+            assert column in rows[0] and len(rows) > 2 and len({len(row) for row in rows}) == 1, name
+            assert coming.value.suggested_filename.endswith(f"-{name}.csv")
+            with page.expect_download() as coming:
+                page.locator(f'[data-save="png"][data-of="{name}"]').click()
+            assert coming.value.path().read_bytes().startswith(b"\x89PNG"), name
 
 
 def test_a_design_under_way_fills_in_when_it_ends(page: Page, sqlite_database: Database) -> None:

@@ -10,11 +10,23 @@ from PIL import Image
 from sqlalchemy import select
 
 from service.db.models import ArtifactRow
+from service.db.queries import Lease
 from service.db.session import Database
 from service.settings import Settings
+from service.studies.cancel_job import cancel_job
+from service.studies.record_cancellation import record_cancellation
 from tests.browser.axe import serious_faults
 from tests.browser.chromium import PHONE, wait_until
-from tests.builders.scenes import GRAINS, a_charge_with_grains, a_design_with_grains, block_of_grains
+from tests.builders.scenes import (
+    GRAINS,
+    a_charge_under_way,
+    a_charge_with_grains,
+    a_design_with_grains,
+    block_of_grains,
+    leave_files,
+    write_running_frames,
+)
+from worker.evaluate import forget_checkpoint
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -145,6 +157,51 @@ def test_a_charge_is_played_through_time(page: Page, sqlite_database: Database, 
     page.get_by_text("As a table, and how to move").click()
     grains = page.locator(f"{part('layers')} td:nth-child(2)").all_inner_texts()
     assert len(grains) == 8 and sum(map(int, grains)) == 12
+
+
+def test_a_charge_under_way_shows_each_frame_as_it_is_written(
+    page: Page, sqlite_database: Database, settings: Settings
+) -> None:
+    """From no grain at all to the files that the run leaves; who looks back at a frame is left there."""
+    charge, job = a_charge_under_way(sqlite_database, settings, frames=1)
+    page.goto(f"/charges/{charge}")
+    wait_for_drawing(page, 0)
+    page.wait_for_selector(f"{part('state')}:has-text('under way')")
+    assert "0 grains" in page.locator(part("words")).inner_text().replace("\u202f", " ")
+    assert page.locator(part("timeline")).is_hidden()
+    write_running_frames(job, settings, frames=3, first=1)
+    wait_for_drawing(page, 2)
+    page.wait_for_selector(f"{part('state')}:has-text('at 4 s of simulated time')")
+    assert page.locator(part("when")).inner_text().replace("\u202f", " ") == "4 s, 6 grains"
+    assert serious_faults(page) == []
+    page.locator(part("colour")).select_option(label="speed, m/s")
+    time = page.get_by_role("slider", name="Time")
+    time.fill("1")
+    wait_for_drawing(page, 1)
+    write_running_frames(job, settings, frames=4, first=3)
+    page.wait_for_selector(f"{part('state')}:has-text('at 6 s of simulated time')")
+    assert page.evaluate(DRAWN) == "1" and time.get_attribute("max") == "3"
+    # What it leaves replaces what was seen of it, without a reload.
+    leave_files(sqlite_database, settings, charge)
+    wait_for_drawing(page, 3)
+    wait_until(page, f"document.querySelector('{part('state')}').hidden")
+    assert page.locator(f"{part('colour')} option:checked").inner_text() == "speed, m/s"
+    assert "under way" not in page.locator(part("words")).inner_text()
+
+
+def test_a_charge_that_is_stopped_leaves_no_frames_to_look_at(
+    page: Page, sqlite_database: Database, settings: Settings
+) -> None:
+    charge, job = a_charge_under_way(sqlite_database, settings)
+    page.goto(f"/charges/{charge}")
+    wait_for_drawing(page, 2)
+    with sqlite_database.writing() as session:
+        cancel_job(session, job)
+    with sqlite_database.writing() as session:
+        assert record_cancellation(session, Lease(job, 1))
+    forget_checkpoint(job, settings)
+    page.wait_for_selector(f"{part('state')}:has-text('left no grains')")
+    assert page.locator(part("canvas")).is_hidden()
 
 
 def test_a_frame_that_does_not_come_is_said_and_asked_for_again(

@@ -17,6 +17,7 @@ from service.settings import Settings
 from service.studies.keep_files import keep_files
 from tests.builders.charges import charges
 from tests.builders.diagnoses import a_data_set, a_diagnosis
+from tests.builders.mesh_files import binary_stl
 from tests.builders.scenes import a_series_file, a_walls_file, stored
 from tests.builders.studies import a_finished_study
 
@@ -47,6 +48,8 @@ def one_of_everything(database: Database, settings: Settings) -> dict[str, str]:
     diagnosis = a_diagnosis(database, data_set)
     settings.artifacts_dir.mkdir(parents=True)
     (settings.artifacts_dir / "file").write_bytes(b"1")
+    settings.geometries_dir.mkdir(parents=True, exist_ok=True)
+    (settings.geometries_dir / "a.stl").write_bytes(binary_stl())
     with database.writing() as session:
         design = session.scalars(select(DesignRow).where(DesignRow.study_id == study_id)).first()
         assert design is not None

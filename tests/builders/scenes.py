@@ -9,15 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from demcore.output.frames import FrameJournal
 from demcore.output.spheres import SPHERE_FIELDS, vertices, write_spheres
 from demcore.output.tessellation import revolution
 from demcore.output.vtkhdf import Field, PolyData, PolyDataSeries
 from service.db.session import Database
 from service.domain.outcome import StoredArtifact
 from service.domain.states import JobKind
+from service.scene.journal_file import JOURNAL
 from service.settings import Settings
 from service.studies.record_measurement import record_measurement
-from tests.builders.charges import charges, finish_charge
+from tests.builders.charges import charges, claimed_charge, finish_charge
 from tests.builders.piles import a_pile
 from tests.builders.studies import a_study, claimed, designs, open_jobs, propose_next
 
@@ -108,11 +110,10 @@ def a_design_with_grains(database: Database, settings: Settings, count: int = GR
     return designs(database, study_id)[0].id
 
 
-def a_charge_with_grains(
-    database: Database, settings: Settings, with_series: bool = True, count: int = 12
-) -> int:
-    """The id of a finished charge with its `count` grains over time and its walls, or with neither."""
-    (charge_id,) = charges(database)
+def leave_files(
+    database: Database, settings: Settings, charge_id: int, with_series: bool = True, count: int = 12
+) -> None:
+    """The charge ends with its `count` grains over time and its walls, or with its last state alone."""
     folder = settings.artifacts_dir
     folder.mkdir(parents=True, exist_ok=True)
     files = (
@@ -124,4 +125,47 @@ def a_charge_with_grains(
         else (stored(a_pile_file(folder), "result", settings),)
     )
     finish_charge(database, charge_id, settings, more_files=files)
+
+
+def a_charge_with_grains(
+    database: Database, settings: Settings, with_series: bool = True, count: int = 12
+) -> int:
+    """The id of a finished charge with its `count` grains over time and its walls, or with neither."""
+    (charge_id,) = charges(database)
+    leave_files(database, settings, charge_id, with_series, count)
     return charge_id
+
+
+def write_running_frames(charge_job: str, settings: Settings, frames: int, first: int = 0) -> None:
+    """Frames `first` to `frames` of a charge under way, as its recorder journals them: three grains more in each,
+    in a cylinder that stands still."""
+    folder = settings.series_folder(charge_job)
+    folder.mkdir(parents=True, exist_ok=True)
+    journal = FrameJournal(folder / JOURNAL)
+    points, triangles = revolution((1.0, -0.5), (1.0, 1.0))
+    walls = {
+        "wall_points": points.astype(np.float32),
+        "wall_triangles": triangles,
+        "wall_number": np.zeros(len(triangles), np.int32),
+        "wall_material": np.zeros(len(triangles), np.int32),
+    }
+    for k in range(first, frames):
+        count = 3 * k
+        positions, radii = block_of_grains(max(count, 1))
+        grains = {
+            "Points": positions[:count].astype(np.float32),
+            "Radius": radii[:count].astype(np.float32),
+            "Velocity": np.zeros((count, 3), np.float32),
+            "AngularVelocity": np.zeros((count, 3), np.float32),
+            "Material": np.ones(count, np.int32),
+            "Number": np.arange(count),
+        }
+        journal.append(FRAME_SECONDS * k, grains | (walls if k == 0 else {}))
+
+
+def a_charge_under_way(database: Database, settings: Settings, frames: int = 3) -> tuple[int, str]:
+    """The ids of a charge that a worker simulates, with so many frames so far, and of its job."""
+    (charge_id,) = charges(database)
+    job_id = claimed_charge(database, charge_id).lease.job_id
+    write_running_frames(job_id, settings, frames)
+    return charge_id, job_id

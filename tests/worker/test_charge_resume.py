@@ -19,7 +19,7 @@ from tests.builders.charges import charge, charges, job_of_charge
 from tests.builders.work import InProcessWorker
 from worker import charge as worker_charge
 from worker import process
-from worker.evaluate import checkpoint_path, series_folder
+from worker.evaluate import checkpoint_path
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_a_charge_that_was_stopped_on_its_way_leaves_the_files_of_one_that_was_n
     assert stops
     assert charge(worker.database, ids[0]).state is DesignState.WAITING
     assert checkpoint_path(job_id, settings).exists()
-    assert series_folder(job_id, settings).is_dir()
+    assert settings.series_folder(job_id).is_dir()
     monkeypatch.setattr(process, "shutdown", process.Shutdown())
     worker.perform(job_id)
     ids += charges(worker.database, scale=10.0, frame_seconds=0.5)
@@ -83,4 +83,4 @@ def test_a_charge_that_was_stopped_on_its_way_leaves_the_files_of_one_that_was_n
     assert row.results is not None and row.results["findings"]["piles"] >= 0
     assert row.code_version is not None
     assert not checkpoint_path(job_id, settings).exists()
-    assert not series_folder(job_id, settings).exists()
+    assert not settings.series_folder(job_id).exists()

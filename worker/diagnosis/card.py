@@ -14,19 +14,24 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from service.domain.effects import Library
+from service.domain.misfit_words import place, reading
 from worker.diagnosis.diagnose import Diagnosis
 from worker.diagnosis.gain import fit_linear, named_directions
 from worker.diagnosis.measured import Frame
 from worker.diagnosis.result import AMBIGUOUS, CLAIM_FROM, NO_MISFIT, REFUSED, UNEXPLAINED, Claim, Result
 from worker.diagnosis.simulator import FloatArray
 
-WIDTH, HEIGHT = 1500, 1180
+WIDTH, HEIGHT, SHORT_HEIGHT = 1500, 1180, 680
 _PANELS = ((40, 60), (790, 60), (40, 560), (790, 560))
 _SIZE = (670, 440)
 _INK, _FAINT, _GREY, _BAR, _LINE = "#1a1a1a", "#8a8a8a", "#c4c4c4", "#3b6ea5", "#b03030"
 _FULL_COLOUR = 4.0
+# Relative luminance (WCAG) below which white is read better than ink.
+_DARK_BELOW = 0.2
 _MOST_BARS = 9
-_LEFT, _TOP = 150, 34
+_LEFT, _TOP = 165, 34
+# Cells with less room than this, pixels, show their colour alone.
+_ROOM_FOR_NUMBER = (34, 13)
 
 
 class _Panel(NamedTuple):
@@ -54,9 +59,12 @@ class _Panel(NamedTuple):
 
 def draw_card(found: Diagnosis, result: Result, path: Path) -> None:
     """Writes the PNG. `result` is that of `found`, perhaps with its gain."""
-    image = Image.new("RGB", (WIDTH, HEIGHT), "white")
+    # Without a claim the lower panels have nothing to show.
+    image = Image.new("RGB", (WIDTH, HEIGHT if result.claims else SHORT_HEIGHT), "white")
     draw = ImageDraw.Draw(image)
-    draw.text((40, 20), f"Diagnosis: {result.verdict}", fill=_INK, font=ImageFont.load_default(24))
+    draw.text(
+        (40, 20), f"Diagnosis: {result.verdict.replace('_', ' ')}", fill=_INK, font=ImageFont.load_default(24)
+    )
     panels = [
         _Panel(draw, x + _LEFT, y + _TOP, _SIZE[0] - _LEFT - 20, _SIZE[1] - _TOP - 60) for x, y in _PANELS
     ]
@@ -68,12 +76,10 @@ def draw_card(found: Diagnosis, result: Result, path: Path) -> None:
         names = ", ".join(claim.effect for claim in result.claims)
         if result.claims:
             _map(panels[2], f"3 the same with {names}", frame, after)
-        else:
-            panels[2].text(0, -18, "3 nothing is named, so nothing is added", size=17)
-        _gains(panels[3], result)
+            _gains(panels[3], result)
     known = None if found.setup is None else found.setup.known
     for k, line in enumerate(_wrapped(sentence(result, known), 150)):
-        draw.text((40, 1050 + 26 * k), line, fill=_INK, font=ImageFont.load_default(19))
+        draw.text((40, image.height - 130 + 26 * k), line, fill=_INK, font=ImageFont.load_default(19))
     image.save(path, format="PNG")
 
 
@@ -103,8 +109,12 @@ def _map(panel: _Panel, title: str, frame: Frame, z: FloatArray) -> None:
         panel.box(
             column * wide, row * high, (column + 1) * wide - 1, (row + 1) * high - 1, colour_of(float(z[i]))
         )
+        # Who does not see the colours apart reads the numbers.
+        if wide >= _ROOM_FOR_NUMBER[0] and high >= _ROOM_FOR_NUMBER[1] and np.isfinite(z[i]):
+            ink = _ink_on(colour_of(float(z[i])))
+            panel.text((column + 0.5) * wide, (row + 0.5) * high, f"{z[i]:+.1f}", "mm", ink, size=12)
     for k, (_, name) in enumerate(rows):
-        panel.text(-8, (k + 0.5) * high, name, "rm", size=max(min(int(high), 14), 8))
+        panel.text(-8, (k + 0.5) * high, reading(name), "rm", size=max(min(int(high), 14), 8))
     for k, c in enumerate(columns):
         panel.text((k + 0.5) * wide, panel.height + 12, frame.conditions[c].condition, "mm", size=13)
     panel.line(0, 0, panel.width, 0, _FAINT)
@@ -122,6 +132,12 @@ def colour_of(z: float) -> str:
     share = min(abs(z) / _FULL_COLOUR, 1.0)
     end = (178, 24, 43) if z > 0.0 else (33, 102, 172)
     return "#" + "".join(f"{round(255 + (c - 255) * share):02x}" for c in end)
+
+
+def _ink_on(colour: str) -> str:
+    red, green, blue = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
+    light = 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2
+    return "white" if light < _DARK_BELOW else _INK
 
 
 def _bars(panel: _Panel, found: Diagnosis, result: Result) -> None:
@@ -182,7 +198,7 @@ def sentence(result: Result, known: Library | None) -> str:
     if result.verdict == AMBIGUOUS:
         return f"Within this library the misfit is consistent with any of: {possible}.{after}"
     if result.verdict == UNEXPLAINED:
-        places = ", ".join(w.block for w in result.unexplained)
+        places = ", ".join(place(w.block) for w in result.unexplained)
         return f"Something is off in {places}, and no effect of this library explains it.{after}"
     stated = "; ".join(_stated(claim, known) for claim in result.claims)
     rest = f" Not excluded: {possible}." if possible else ""

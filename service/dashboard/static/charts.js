@@ -1,6 +1,7 @@
 // Draws every [data-chart] of the page, and draws it again when its data or the colours change.
 
 import { angleFigure } from "./angle_chart.js";
+import { allowFiles, listenToFiles } from "./chart_files.js";
 import { profileFigure, sectorFigure } from "./pile_charts.js";
 import { colours, onThemeChange } from "./theme.js";
 
@@ -45,6 +46,7 @@ function say(box, text) {
   line.textContent = text;
   box.replaceChildren(line);
   delete box.dataset.drawn;
+  allowFiles(box, false);
 }
 
 function isEmpty(name, data) {
@@ -69,6 +71,7 @@ async function draw(box) {
     await Plotly.react(box, traces, { ...layout, uirevision: name }, options);
     if (!box.dataset.drawn) {
       box.dataset.drawn = "yes";
+      allowFiles(box, true);
       box.on("plotly_click", (event) => showRow(event.points[0].customdata));
     }
   } catch (error) {
@@ -99,6 +102,7 @@ function fit(layout) {
 }
 
 export function startCharts() {
+  listenToFiles((name) => latest[name]);
   const source = document.getElementById("charts");
   if (source) {
     onThemeChange(() => drawCharts());

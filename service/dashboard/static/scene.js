@@ -2,8 +2,9 @@
 
 import { timeNow } from "./clock.js";
 import { Camera } from "./scene_camera.js";
-import { drawLegend, kindsOf, paint, tellLegend } from "./scene_colours.js";
+import { drawLegend, paint, tellLegend } from "./scene_colours.js";
 import { hitGrain, layers, SceneData } from "./scene_data.js";
+import { describeGrain } from "./scene_grain.js";
 import { NO_CUT, SceneRenderer } from "./scene_gl.js";
 import { SceneInput } from "./scene_input.js";
 import { sceneAsPng } from "./scene_picture.js";
@@ -15,6 +16,7 @@ const COARSEST = 0.3;
 const STILL_MS = 180;
 const PLAY_MS = { full: 250, reduced: 1000 };
 const LAYERS = 8;
+const MESH_ROOM = 1.25; // a heap fills its picture, a part of a plant stands free in it
 const WALL_LIGHT = [0.36, 0.42, 0.5];
 const WALL_DARK = [0.62, 0.7, 0.8];
 const AXES = ["x", "y", "z"];
@@ -43,23 +45,20 @@ class SceneView {
   }
 
   async load() {
-    this.say("Loading the grains …");
+    this.loading = true;
+    if (!this.frame) {
+      this.say("Loading the grains …");
+    }
     try {
       const answer = await fetch(this.root.dataset.scene, { headers: { Accept: "application/json" } });
       if (!answer.ok) {
         throw new Error((await answer.json().catch(() => ({}))).detail ?? `the service answered ${answer.status}`);
       }
-      this.scene = await answer.json();
-      if (this.scene.state !== "ready") {
-        const isTold = "quiet" in this.root.dataset && ["waiting", "none"].includes(this.scene.state);
-        this.say(isTold ? "" : this.scene.says);
-        return;
-      }
-      this.data = new SceneData(this.scene);
-      await this.begin();
-      this.say("");
+      await this.take(await answer.json());
     } catch (error) {
       this.say(`The grains could not be loaded: ${error.message}.`, true);
+    } finally {
+      this.loading = false;
     }
   }
 
@@ -67,23 +66,59 @@ class SceneView {
     return !this.frame && this.scene?.state === "waiting";
   }
 
-  async begin() {
+  /** Whether there is more to see than what is shown; `told` is what the page's parts say. */
+  isBehind(told) {
+    const isGrowing = Boolean(this.scene?.is_growing);
+    const hasEnded = ((this.isWaiting || isGrowing) && told.has_scene) || (isGrowing && told.scene_size === 0);
+    return !this.loading && (hasEnded || (told.scene_size > 0 && told.scene_size !== this.size));
+  }
+
+  /** What there is to draw now: at first, a frame more of a run under way, or the files that it left. */
+  async take(scene) {
+    const old = this.scene;
+    this.scene = scene;
+    if (scene.state !== "ready") {
+      const isTold = "quiet" in this.root.dataset && ["waiting", "none"].includes(scene.state);
+      this.say(isTold ? "" : scene.says);
+      this.find("body").hidden = true;
+      return;
+    }
+    const goesOn = Boolean(old?.is_growing && scene.is_growing && old.frames.length <= scene.frames.length);
+    // Who plays, looks back or looks at a grain is left there.
+    const isNewest = !this.frame || !goesOn || (this.frame.k === old.frames.length - 1 && this.picked < 0);
+    this.data = goesOn && this.data ? this.data.with(scene) : new SceneData(scene);
+    await this.begin(isNewest && !this.playing ? scene.frames.length - 1 : this.frame.k);
+    this.say(scene.says);
+  }
+
+  async begin(k) {
+    const isFirst = !this.canvas;
     this.canvas = this.find("canvas");
     this.renderer ??= SceneRenderer.open(this.canvas);
-    const last = this.scene.frames.length - 1;
-    this.reference = await this.data.frame(last);
+    this.reference = await this.data.frame(this.scene.frames.length - 1);
     this.fillControls();
     this.fillNotes();
     this.find("body").hidden = false;
-    if (this.renderer) {
-      this.camera.frame(this.reference.low, this.reference.high);
-      this.listen();
-      this.root.closest("section")?.classList.add("has-scene");
-    } else {
+    if (!this.renderer) {
       this.find("picture").hidden = true;
       this.find("no-gl").hidden = false;
+    } else if (isFirst) {
+      this.aim();
+      this.listen();
+      this.root.closest("section")?.classList.add("has-scene");
     }
-    await this.show(last);
+    await this.show(k);
+  }
+
+  /** At the grains; while they still come, at where they go; at a mesh. */
+  aim() {
+    const { reference } = this;
+    const { is_growing: isGrowing, is_mesh: isMesh } = this.scene;
+    const box = (isGrowing || isMesh) && reference.walls?.triangles ? reference.walls : reference;
+    this.camera.frame(box.low, box.high);
+    if (isMesh) {
+      this.camera.zoom(MESH_ROOM);
+    }
   }
 
   /** Frame `k`; of several that are asked for at once, the last. */
@@ -110,6 +145,9 @@ class SceneView {
 
   when() {
     const { time_s: time, radii } = this.frame;
+    if (this.scene.is_mesh) {
+      return `${tell(this.frame.walls.triangles)} triangles`;
+    }
     const grains = `${radii.length.toLocaleString("en").replaceAll(",", "\u202f")} grains`;
     return this.scene.frames.length > 1 ? `${withUnit(time, "s", 4)}, ${grains}` : grains;
   }
@@ -123,7 +161,13 @@ class SceneView {
 
   fillControls() {
     const { frames, colours } = this.scene;
+    const before = this.find("colour").selectedOptions[0]?.label;
     this.find("colour").replaceChildren(...colours.map(({ label, unit }, k) => new Option(unit ? `${label}, ${unit}` : label, k)));
+    const chosen = [...this.find("colour").options].find(({ label }) => label === before);
+    if (chosen) {
+      chosen.selected = true;
+    }
+    this.root.classList.toggle("scene-mesh", this.scene.is_mesh);
     this.find("timeline").hidden = frames.length < 2;
     this.find("time").max = frames.length - 1;
     this.find("walls").closest("label").hidden = !frames.some(({ walls }) => walls);
@@ -179,15 +223,15 @@ class SceneView {
   async play() {
     this.playing = true;
     this.find("play").textContent = "Pause";
-    const last = this.scene.frames.length - 1;
-    let k = this.frame.k >= last ? 0 : this.frame.k + 1;
+    const last = () => this.scene.frames.length - 1;
+    let k = this.frame.k >= last() ? 0 : this.frame.k + 1;
     try {
-      while (this.playing && k <= last) {
+      while (this.playing && k <= last()) {
         const pause = new Promise((resolve) => setTimeout(resolve, calm.matches ? PLAY_MS.reduced : PLAY_MS.full));
         await this.show(k);
         k += 1;
         // The next one is on its way while this one is looked at.
-        await Promise.all([pause, k <= last ? this.data.frame(k) : null]);
+        await Promise.all([pause, k <= last() ? this.data.frame(k) : null]);
       }
       this.stop();
     } catch (error) {
@@ -293,7 +337,8 @@ class SceneView {
   tellFrame() {
     const { frame } = this;
     const [thin, thick] = frame.radius.map((radius) => 2000 * radius);
-    const words = `${this.scene.title}: ${this.when()}, ${tell(thin)} to ${withUnit(thick, "mm")} across, centres between ${withUnit(frame.low[2], "m")} and ${withUnit(frame.high[2], "m")} high. ${tellLegend(this.colour, this.painted)}`;
+    const sizes = frame.radii.length === 0 ? "." : `, ${tell(thin)} to ${withUnit(thick, "mm")} across, centres between ${withUnit(frame.low[2], "m")} and ${withUnit(frame.high[2], "m")} high. ${tellLegend(this.colour, this.painted)}`;
+    const words = `${this.scene.title}: ${this.when()}${sizes}`;
     this.find("words").textContent = this.colour.note ? `${words} Here that is ${this.colour.note}.` : words;
     this.canvas.setAttribute("aria-label", `3D view. ${this.scene.title}, ${this.when()}. Arrows turn, shift and arrows move, plus and minus zoom, 0 resets, Enter picks the grain in the middle.`);
     this.find("layers").replaceChildren(
@@ -327,33 +372,11 @@ class SceneView {
     try {
       const grain = await this.data.grain(this.frame.k, row);
       if (this.picked === row) {
-        told.replaceChildren(...this.describe(grain));
+        told.replaceChildren(...describeGrain(grain, this.frame, this.scene.materials));
       }
     } catch {
       told.textContent = "The service does not answer; the grain is marked, its numbers are not known.";
     }
-  }
-
-  /** Pairs of a description list. */
-  describe(grain) {
-    const kind = kindsOf(this.frame, this.scene.materials).find(({ row }) => row === (grain.material ?? this.frame.materials[grain.row]));
-    const arrival = this.frame.columns.get("arrival");
-    const level = arrival?.levels[grain.row];
-    const places = { 0: "on the belt", 1: "in flight", 2: "in the hopper", 3: "lost" };
-    const rows = [
-      ["grain", grain.number ?? `${grain.row} (row of the file; this run does not number its grains)`],
-      ["material", kind?.name],
-      ["diameter", withUnit(grain.diameter_mm, "mm", 4)],
-      ["position x, y, z", `${["x_m", "y_m", "z_m"].map((name) => grain[name].toFixed(4).replace("-", "−")).join(", ")}\u202fm`],
-      ["speed", grain.speed_m_s === undefined ? "not stored" : withUnit(grain.speed_m_s, "m/s")],
-      ["place", places[grain.place]],
-      ["arrived", arrival && level < 255 ? `${withUnit(arrival.range[0] + (level / 254) * (arrival.range[1] - arrival.range[0]), "s", 4)} or up to a frame before` : undefined],
-    ];
-    return rows.filter(([, value]) => value !== undefined).map(([name, value]) => {
-      const pair = document.createElement("div");
-      pair.append(Object.assign(document.createElement("dt"), { textContent: name }), Object.assign(document.createElement("dd"), { textContent: value, className: "nums" }));
-      return pair;
-    });
   }
 
   savePng() {
@@ -370,5 +393,8 @@ for (const view of views) {
 }
 document.addEventListener("talus:pose", ({ detail }) => views.forEach((view) => view.follow(detail)));
 document.addEventListener("talus:parts", ({ detail }) => {
-  views.filter((view) => view.isWaiting && detail.has_scene).forEach((view) => view.load());
+  for (const view of views.filter((one) => one.isBehind(detail))) {
+    view.size = detail.scene_size;
+    view.load();
+  }
 });

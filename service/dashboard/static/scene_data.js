@@ -53,6 +53,12 @@ export class SceneData {
     this.kept = new Map();
   }
 
+  /** The same frames and those that came after them. */
+  with(scene) {
+    this.scene = scene;
+    return this;
+  }
+
   /** A frame with its walls (null where there are none). */
   async frame(k) {
     const known = this.kept.get(k);

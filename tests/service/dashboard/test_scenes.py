@@ -13,10 +13,17 @@ from service.db.models import ArtifactRow
 from service.db.session import Database
 from service.settings import Settings
 from tests.builders import piles
-from tests.builders.charges import charges
-from tests.builders.scenes import GRAINS, a_charge_with_grains, a_design_with_grains
+from tests.builders.charges import charges, finish_charge
+from tests.builders.scenes import (
+    GRAINS,
+    a_charge_under_way,
+    a_charge_with_grains,
+    a_design_with_grains,
+    write_running_frames,
+)
 from tests.builders.studies import a_study, designs
 from tests.service.scene.test_packing import unpack
+from worker.evaluate import forget_checkpoint
 
 
 def files(database: Database, kind: str) -> list[ArtifactRow]:
@@ -91,6 +98,55 @@ def test_a_run_under_way_and_one_without_grains_say_so(
     assert client.get(f"/charges/{charge}/scene").json()["state"] == "waiting"
 
 
+def test_a_charge_under_way_is_drawn_from_the_frames_that_its_run_has_written(
+    client: TestClient, sqlite_database: Database, settings: Settings
+) -> None:
+    charge, job = a_charge_under_way(sqlite_database, settings, frames=3)
+    scene = client.get(f"/charges/{charge}/scene").json()
+    assert scene["state"] == "ready" and scene["is_growing"] is True
+    assert "4 s of simulated time" in scene["says"] and "2 s later" in scene["says"]
+    assert [(frame["time_s"], frame["grains"]) for frame in scene["frames"]] == [(0.0, 0), (2.0, 3), (4.0, 6)]
+    assert [one["label"] for one in scene["missing"]] == ["time of arrival"]
+    last = scene["frames"][-1]
+    head, body = unpack(client.get(last["url"]).content)
+    assert head["grains"] == 6 and len(body) == 48
+    assert unpack(client.get(last["walls"]).content)[0]["high"] == pytest.approx([1.0, 1.0, 1.0], abs=0.01)
+    assert client.get(f"{last['url']}/grains/5").json()["number"] == 5
+    assert len(client.get(f"{last['url']}/table.csv").text.splitlines()) == 7
+    assert client.get(f"{last['url']}/columns/speed").status_code == 200
+    assert client.get(f"{last['url']}/columns/arrival").status_code == 404
+    # The page asks for the scene again when the frames have grown.
+    before = client.get(f"/charges/{charge}/parts").json()
+    write_running_frames(job, settings, frames=4, first=3)
+    after = client.get(f"/charges/{charge}/parts").json()
+    assert after["scene_size"] > before["scene_size"] > 0 and not after["has_scene"]
+    assert len(client.get(f"/charges/{charge}/scene").json()["frames"]) == 4
+
+
+def test_a_charge_under_way_says_when_there_is_something_to_see(
+    client: TestClient, sqlite_database: Database, settings: Settings
+) -> None:
+    (waiting,) = charges(sqlite_database)
+    told = client.get(f"/charges/{waiting}/scene").json()
+    assert told["state"] == "waiting" and "every 2 s of simulated time" in told["says"]
+    (without,) = charges(sqlite_database, frame_seconds=None)
+    told = client.get(f"/charges/{without}/scene").json()
+    assert told["state"] == "waiting" and "No time series was asked for" in told["says"]
+    assert client.get(f"/charges/{without}/parts").json()["scene_size"] == 0
+
+
+def test_the_frames_of_a_charge_that_is_over_are_gone(
+    client: TestClient, sqlite_database: Database, settings: Settings
+) -> None:
+    charge, job = a_charge_under_way(sqlite_database, settings)
+    url = client.get(f"/charges/{charge}/scene").json()["frames"][1]["url"]
+    forget_checkpoint(job, settings)
+    finish_charge(sqlite_database, charge, settings)
+    assert client.get(f"/charges/{charge}/scene").json()["is_growing"] is False
+    answer = client.get(url)
+    assert answer.status_code == 404 and "under way" in answer.json()["detail"]
+
+
 def test_removed_and_damaged_files_are_told_apart(
     client: TestClient, sqlite_database: Database, settings: Settings
 ) -> None:
@@ -124,6 +180,9 @@ NOT_THERE = (
     "/scenes/{pile}/frames/7/table.csv",
     "/scenes/{pile}/walls/0",
     "/scenes/{picture}/frames/0",
+    "/scenes/running-1/frames/0",
+    "/scenes/running-x/frames/0",
+    "/scenes/running-/walls/0",
 )
 
 

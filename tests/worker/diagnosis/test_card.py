@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from service.domain.misfit_words import READINGS, place
 from tests.worker.diagnosis.plants import QUICK, diagnosed
-from worker.diagnosis.card import HEIGHT, WIDTH, colour_of, draw_card, misfits, sentence
+from worker.diagnosis.card import HEIGHT, SHORT_HEIGHT, WIDTH, colour_of, draw_card, misfits, sentence
 from worker.diagnosis.diagnose import Diagnosis
 from worker.diagnosis.gain import held_out_gain, with_gain
 from worker.diagnosis.result import Possible, Result, Where
 from worker.diagnosis.stand_in import StandIn
+from worker.diagnosis.summaries import NAMES
 
 
 def test_a_named_effect_is_drawn_and_its_map_is_paler(tmp_path: Path) -> None:
@@ -33,7 +35,8 @@ def test_a_named_effect_is_drawn_and_its_map_is_paler(tmp_path: Path) -> None:
 def test_nothing_named_is_drawn_too(tmp_path: Path, amplitude: float) -> None:
     _, found = diagnosed("belt_speed", amplitude)
     draw_card(found, found.result, tmp_path / "card.png")
-    assert (tmp_path / "card.png").stat().st_size > 5000
+    with Image.open(tmp_path / "card.png") as picture:
+        assert picture.size == (WIDTH, SHORT_HEIGHT)
 
 
 def test_a_refusal_is_a_card_with_its_sentence(tmp_path: Path) -> None:
@@ -56,7 +59,14 @@ def test_every_verdict_has_a_sentence() -> None:
     unsure = dataclasses.replace(quiet, verdict="ambiguous", also_possible=(Possible("density", 0.5),))
     assert "any of: density" in sentence(unsure, QUICK.known)
     strange = dataclasses.replace(quiet, verdict="unexplained", unexplained=(Where("condition:P1", 0.9),))
-    assert "condition:P1" in sentence(strange, QUICK.known)
+    assert "condition P1" in sentence(strange, QUICK.known)
+
+
+def test_every_summary_and_every_kind_of_place_has_words() -> None:
+    assert set(READINGS) == {name for names in NAMES.values() for name in names}
+    assert place("summary:pile.ln_density") == "bulk density of the pile tests"
+    assert place("wet:wet") == "the wet conditions" and place("test:charge") == "all charge tests"
+    assert place("material:coke") == "all tests of coke" and place("new:kind") == "new:kind"
 
 
 def test_colours() -> None:
