@@ -29,7 +29,7 @@ from demcore.dormant import (
     with_awake,
 )
 from demcore.errors import BlowUp
-from demcore.forces import Neighbours, touching_contacts
+from demcore.forces import Neighbours
 from demcore.geometry.motion import next_change, place_walls
 from demcore.geometry.wall_arrays import replace_wall
 from demcore.geometry.wall_rows import Walls
@@ -37,8 +37,9 @@ from demcore.geometry.walls import Wall
 from demcore.integrator import advance_serial, advance_threaded
 from demcore.interaction import MaterialTable
 from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs, pays_to_arrange
-from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, X, Z, join
+from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, join
 from demcore.region import Box
+from demcore.soundness import find_overlaps, first_faster, first_lost
 from demcore.wall_list import WallList, empty_wall_list
 from demcore.wall_search import (
     find_crossing,
@@ -258,16 +259,14 @@ class Simulation:
     def check_motion(self) -> None:
         """Raises BlowUp for a number that is not finite and for one that moves LARGEST_WAY radii in a step."""
         state = self.particles.state
-        bad = ~np.isfinite(state).all(axis=1)
-        if bad.any():
-            raise BlowUp("is no longer finite", self._name(int(bad.argmax())), self.time)
-        way = (state[:, VX : VZ + 1] ** 2).sum(axis=1) * self.dt**2
-        wild = way > (LARGEST_WAY * state[:, R]) ** 2
-        if wild.any():
-            k = int(wild.argmax())
-            speed = float(np.sqrt((state[k, VX : VZ + 1] ** 2).sum()))
+        lost = first_lost(state)
+        if lost >= 0:
+            raise BlowUp("is no longer finite", self._name(lost), self.time)
+        wild = first_faster(state, self.dt, LARGEST_WAY)
+        if wild >= 0:
+            speed = float(np.sqrt((state[wild, VX : VZ + 1] ** 2).sum()))
             what = f"moves at {speed:.3g} m/s, more than half its radius in a step,"
-            raise BlowUp(what, self._name(k), self.time)
+            raise BlowUp(what, self._name(wild), self.time)
 
     def _name(self, row: int) -> int:
         return int(self.particles.number[row])
@@ -277,20 +276,12 @@ class Simulation:
 
         Raises BlowUp where it is above LARGEST_OVERLAP for more pairs than PRESSED_SHARE or `may_squeeze` allow.
         """
-        lists, state = self.neighbours, self.particles.state
-        contacts, near = touching_contacts(lists), slice(0, lists.near_start[-1])
-        owner = np.concatenate([contacts.owner, lists.near_owner[near]])
-        partner = np.concatenate([contacts.partner, lists.near_partner[near]])
-        between = state[owner, X : Z + 1] - state[partner, X : Z + 1]
-        a, b = state[owner, R], state[partner, R]
-        share = (a + b - np.sqrt((between**2).sum(axis=1))) / np.minimum(a, b)
-        worst = float(share.max(initial=0.0))
-        allowed = max(PRESSED_SHARE * len(state), self._allowed_squeezes())
-        if np.count_nonzero(share > LARGEST_OVERLAP) > allowed:
-            k = int(share.argmax())
-            what = f"overlaps its neighbour by {worst:.0%} of the radius"
-            raise BlowUp(what, self._name(int(owner[k])), self.time)
-        return worst
+        state = self.particles.state
+        found = find_overlaps(self.neighbours, state, LARGEST_OVERLAP)
+        if found.beyond > max(PRESSED_SHARE * len(state), self._allowed_squeezes()):
+            what = f"overlaps its neighbour by {found.worst:.0%} of the radius"
+            raise BlowUp(what, self._name(found.owner), self.time)
+        return found.worst
 
     def replace_wall(self, index: int, wall: Wall) -> None:
         """Another motion, belt or lifetime for a wall from now on; what touched it keeps its history."""

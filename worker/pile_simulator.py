@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from demcore.errors import BlowUp, NeverSettles, NoResult
+from demcore.errors import BlowUp, InputError, NeverSettles, NoResult
 from demcore.experiments.contact_parameters import ContactParameters
 from demcore.experiments.pile_case import PileTest
 from demcore.experiments.pile_effects import with_effect, with_effects
@@ -146,7 +146,9 @@ class PileSimulator:
         why = self.cannot(condition)
         if why is not None:
             raise ValueError(f"{condition.condition}: {why}")
-        readings = self.runner([self.pile_test(condition, s) for s in settings])
+        tests = [self._possible_test(condition, s) for s in settings]
+        made = iter(self.runner([test for test in tests if test is not None]))
+        readings = [NOTHING if test is None else next(made) for test in tests]
         base = 0.5 * rig_of(condition).base_diameter
         theta, r = polar_points(base)
         faults = [{k: a for k, a in s.effects if is_sensor(k)} for s in settings]
@@ -154,6 +156,15 @@ class PileSimulator:
         heights = [misread_surface(p.heights, theta, r, f) for p, f in zip(readings, faults, strict=True)]
         values = {name: np.array([t[name] for t in told]) for name in OBSERVABLES}
         return Outcomes(values, Surfaces(theta, r, np.array(heights).reshape(len(settings), -1)))
+
+    def _possible_test(self, condition: Condition, setting: Setting) -> PileTest | None:
+        """None where an effect leaves no test (lumps wider than the cylinder): a run without a pile."""
+        try:
+            return self.pile_test(condition, setting)
+        except InputError:
+            if not setting.effects:
+                raise
+            return None
 
     def pile_test(self, condition: Condition, setting: Setting) -> PileTest:
         """The test of one run. Raises demcore's InputError for what cannot be."""

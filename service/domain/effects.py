@@ -113,6 +113,10 @@ class Library:
     def __getitem__(self, effect: str) -> Effect:
         return next(e for e in self.effects if e.id == effect)
 
+    def self_test(self, name: str) -> SelfTest:
+        """One of the changes of the simulation's own settings."""
+        return next(test for test in self.self_tests if test.id == name)
+
     @property
     def name(self) -> str:
         """Of a null calibration's key: it holds for these effects only."""

@@ -20,7 +20,7 @@ from demcore.experiments.pile_setting import PileSetting
 from demcore.material import Material, SizeClass, SizeDistribution, load_material, material_names
 from demcore.rig import Rig, load_rig
 from service.domain.data_set.records import Condition, Psd
-from service.domain.effects import Library
+from service.domain.effects import Library, library
 from service.domain.search_space import default_values
 
 # The effects that a simulation has, by what is simulated.
@@ -68,10 +68,18 @@ def cannot_simulate(condition: Condition, grains: int, contact_model: str) -> st
         return "only pile tests are simulated by this model"
     if condition.material not in material_names():
         return f"{condition.material!r} is none of {', '.join(material_names())}"
+    parameters = ContactParameters(**default_values())
+    fewer = round(grains * (1.0 - library().self_test("self_particle_number").amplitude))
     try:
-        measured_pile(condition, ContactParameters(**default_values()), grains, contact_model, 0)
+        measured_pile(condition, parameters, grains, contact_model, 0)
     except InputError as error:
         return str(error)
+    try:
+        measured_pile(condition, parameters, fewer, contact_model, 0)
+    except InputError as error:
+        return (
+            f"{error}, in the piles of {fewer} grains by which a diagnosis asks whether their number matters"
+        )
     return None
 
 

@@ -10,11 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from demcore.errors import NoResult
+from demcore.errors import InputError, NoResult
+from demcore.experiments.contact_parameters import ContactParameters
 from demcore.experiments.pile_case import PileTest
 from service.domain.data_set.records import Condition
 from service.domain.effects import library
-from service.domain.measured_pile import size_classes
+from service.domain.measured_pile import measured_pile, size_classes
 from worker.diagnosis.sensors import SENSOR_EFFECTS
 from worker.diagnosis.simulator import Setting
 from worker.pile_simulator import (
@@ -109,6 +110,35 @@ def test_what_the_model_cannot_represent_is_told(changes: dict[str, object], why
     assert why in told
     with pytest.raises(ValueError, match="lab"):
         simulator.run(condition, [setting()])
+
+
+def test_piles_that_would_be_too_coarse_with_fewer_grains_are_refused_before_they_are_made() -> None:
+    """180 coke grains fit across the cylinder, the fifth fewer of the simulation's own check do not."""
+    condition = replace(LAB, mass_kg=300.0)
+    grains = next(
+        n for n in range(100, 200) if measured(condition, n) and not measured(condition, round(0.8 * n))
+    )
+    told = PileSimulator(Looking(), grains=grains).cannot(condition)
+    assert told is not None and "scale" in told and f"piles of {round(0.8 * grains)} grains" in told
+    assert PileSimulator(Looking(), grains=round(grains / 0.8) + 1).cannot(condition) is None
+
+
+def measured(condition: Condition, grains: int) -> bool:
+    try:
+        measured_pile(condition, ContactParameters(*MIDDLE), grains, "paper", 0)
+    except InputError:
+        return False
+    return True
+
+
+def test_an_effect_that_leaves_no_test_gives_a_run_without_a_pile() -> None:
+    """Lumps wider than the cylinder, in one of three runs: the others keep their places."""
+    runner = Looking()
+    wide = library()["wide_psd"].highest
+    told = PileSimulator(runner).run(LAB, [setting(1), setting(2, wide_psd=wide), setting(3)])
+    assert [test.seed for test in runner.tests] == [1, 3]
+    assert np.isfinite(told.values["repose_angle_deg"]).tolist() == [True, False, True]
+    assert np.isnan(told.surfaces.h_m[1]).all() and np.isfinite(told.surfaces.h_m[2]).all()
 
 
 def test_an_effect_out_of_its_scope_or_at_zero_is_the_baseline() -> None:
