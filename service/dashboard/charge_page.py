@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from demcore.experiments.charge_comparison import NUMBERS, compare, number_of
 from demcore.experiments.charge_findings import Finding, compare_findings
 from service.dashboard import formats
+from service.dashboard.charge_charts import charge_charts
 from service.dashboard.design_page import Figure, FigureGroup
 from service.dashboard.sector_rose import Rose, draw_rose
 from service.dashboard.words import CHARGE_NUMBERS
@@ -106,6 +107,10 @@ class ChargePage:
     @property
     def results(self) -> Mapping[str, Any]:
         return self.charge.results or {}
+
+    @property
+    def charts(self) -> Mapping[str, Any]:
+        return charge_charts(self.results)
 
     @property
     def pictures(self) -> Sequence[tuple[ArtifactRow, str]]:

@@ -165,6 +165,7 @@ def charge_parts(request: Request, charge_id: str) -> Response:
         0,
         shown.is_settled,
         html,
+        charts=shown.charts,
         has_scene=bool(shown.line.view.artifacts),
         scene_size=_size_of_frames(request, None if shown.is_over else shown.line.view.job),
     )

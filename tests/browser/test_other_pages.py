@@ -13,6 +13,7 @@ from service.db.session import Database
 from service.settings import Settings
 from tests.browser.chromium import PHONE, wait_until
 from tests.builders import piles
+from tests.builders.charges import charges, finish_charge
 from tests.builders.studies import a_finished_study, a_study, designs
 
 if TYPE_CHECKING:
@@ -78,12 +79,20 @@ def test_a_design_shows_profile_and_sectors(
     assert fall == pytest.approx(0.4748, abs=1e-3)
 
 
-def test_every_chart_of_a_design_and_a_study_comes_as_png_and_csv(
+def test_every_chart_of_a_design_a_study_and_a_charge_comes_as_png_and_csv(
     page: Page, sqlite_database: Database, settings: Settings
 ) -> None:
     study_id = piles.a_finished_study(sqlite_database, certified=True, settings=settings)
     design = designs(sqlite_database, study_id)[1]
+    (charge_id,) = charges(sqlite_database)
+    finish_charge(sqlite_database, charge_id, settings)
+    of_charge = {
+        "burden": "height above the seat, m",
+        "belt": "share of the mass",
+        "account": "in the hopper, kg",
+    }
     for address, charts in (
+        (f"/charges/{charge_id}", of_charge),
         (f"/designs/{design.id}", {"profile": "mean height, m", "sectors": "slope of the sector, °"}),
         (f"/studies/{study_id}", {"angle": "standard error, °", "profile": "distance from the axis, m"}),
     ):

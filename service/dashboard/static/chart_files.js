@@ -20,6 +20,18 @@ const TABLES = {
     header: ["direction around the axis, °", "slope of the sector, °"],
     rows: angles.map((angle, k) => [((k + 0.5) * 360) / angles.length, angle]),
   }),
+  burden: ({ azimuth, height, mass, size }) => ({
+    header: ["direction around the axis, °", "height above the seat, m", "mass, kg", "mean diameter of the grains, mm"],
+    rows: azimuth.map((at, k) => [at, height[k], mass[k], size[k]]),
+  }),
+  account: ({ time, fed, on_belt, in_flight, in_hopper, lost }) => ({
+    header: ["simulated time, s", "fed, kg", "on the belt, kg", "in flight, kg", "in the hopper, kg", "lost, kg"],
+    rows: time.map((at, k) => [at, fed[k], on_belt[k], in_flight[k], in_hopper[k], lost[k]]),
+  }),
+  belt: ({ height, share, size }) => ({
+    header: ["height above the belt, mm", "share of the mass", "mean diameter of the grains, mm"],
+    rows: height.map((at, k) => [at, share[k], size[k]]),
+  }),
 };
 
 const named = (name) => `talus-${window.location.pathname.split("/").filter(Boolean).join("-")}-${name}`;

@@ -1,15 +1,22 @@
 // Draws every [data-chart] of the page, and draws it again when its data or the colours change.
 
 import { angleFigure } from "./angle_chart.js";
+import { accountFigure, beltFigure, burdenFigure } from "./charge_charts.js";
 import { allowFiles, listenToFiles } from "./chart_files.js";
 import { profileFigure, sectorFigure } from "./pile_charts.js";
 import { colours, onThemeChange } from "./theme.js";
 
-const FIGURES = { angle: angleFigure, profile: profileFigure, sectors: sectorFigure };
+const FIGURES = {
+  angle: angleFigure, profile: profileFigure, sectors: sectorFigure, burden: burdenFigure, account: accountFigure, belt: beltFigure,
+};
+const CHARGED = "The chart appears when the charge has come to rest.";
 const EMPTY = {
   angle: "The chart begins with the first finished simulation.",
   profile: "The profile appears with the first measured pile.",
   sectors: "The sectors appear with the measured pile.",
+  burden: CHARGED,
+  account: CHARGED,
+  belt: CHARGED,
 };
 // A list of our own: plotly's standard buttons include one that would send the chart to a host of theirs.
 const CONFIG = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
@@ -48,6 +49,25 @@ def test_the_list_says_how_each_charge_stands(
         assert words in text, words
     states = re.findall(r'class="tag ([a-z]*)" title="[^"]*">([a-z]+)<', text)
     assert states == [("bad", "error"), ("", "waiting"), ("busy", "simulating"), ("good", "done")]
+
+
+def test_the_charts_of_a_charge_hold_its_numbers_in_the_units_of_their_axes(
+    client: TestClient, sqlite_database: Database, settings: Settings
+) -> None:
+    (number,) = charges(sqlite_database)
+    empty = json.loads(re.search(r'id="charts">(.*?)</script>', page(client, f"/charges/{number}"))[1])  # type: ignore[index]
+    assert empty == {"burden": None, "account": None, "belt": None}
+    finish_charge(sqlite_database, number, settings)
+    charts = client.get(f"/charges/{number}/parts").json()["charts"]
+    seat = a_summary()["inputs"]["plant"]["hopper"]["seat_depth"]
+    assert charts["burden"]["height"] == pytest.approx([z + seat for z in (1.0, 2.0, 3.0, 4.0)])
+    assert charts["burden"]["piles"] == [200.0]
+    assert charts["belt"] == {
+        "height": pytest.approx([10.0, 30.0]),
+        "share": [0.6, 0.4],
+        "size": [pytest.approx(80.0), None],
+    }
+    assert charts["account"]["in_hopper"] == [0.0, 19.5]
 
 
 def test_a_finished_charge_shows_findings_numbers_pictures_and_files(
