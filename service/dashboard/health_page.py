@@ -34,9 +34,11 @@ STATES: Mapping[JobState, str] = {
 ENDS: Mapping[str, str] = {
     "done": "came to its end",
     "lost": "its worker died; done again",
+    "late": "its worker was late; done again",
     "cancelled": "stopped by a user",
     "released": "given back at a shutdown",
-    "paused": "given back for want of room",
+    "disk_full": "given back for want of room",
+    "store_away": "given back: the store of files was away",
 }
 
 

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from fastapi.testclient import TestClient
 
+from service.dashboard.health_page import ENDS
+from service.dashboard.words import FAILURES
 from service.db.presence import report_presence
 from service.db.session import Database
+from service.domain.outcome import FailureClass
 from service.settings import Settings
+from service.studies.forgive_attempt import LATE
 from tests.builders.charges import charges, finish_charge
 
 
@@ -36,3 +40,8 @@ def test_who_works_what_waits_and_how_attempts_ended(
 def test_no_secret_is_shown(client: TestClient, settings: Settings) -> None:
     text = client.get("/health").text
     assert str(settings.data_dir) not in text and settings.resolved_database_url not in text
+
+
+def test_every_end_of_an_attempt_has_its_words() -> None:
+    ends = {"done", "cancelled", "released", LATE, *(each.value for each in FailureClass)}
+    assert ends == ends & {*ENDS, *FAILURES}
