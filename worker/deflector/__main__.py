@@ -10,7 +10,7 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from worker.deflector.designs import Space
 from worker.deflector.pareto import pick
 from worker.deflector.picture import draw_pareto
 from worker.deflector.record import Record
+from worker.deflector.spread import on_processes
 from worker.deflector.study import OBJECTIVES, StudyPlan, Tried, arrays_of, front_of, run_study
 from worker.evaluate import plain
 
@@ -43,6 +44,7 @@ def parser() -> argparse.ArgumentParser:
         "--confirm-scale", type=float, help="charge present and chosen device with fresh seeds at it"
     )
     made.add_argument("--confirm-seeds", type=int, default=3)
+    made.add_argument("--processes", type=int, default=1, help="charges at once, each on a core (default 1)")
     made.add_argument("--estimate", action="store_true", help="only tell what the study would cost")
     made.add_argument("--out", type=Path, default=Path("deflector"), help="folder for the files")
     return made
@@ -59,6 +61,17 @@ def charge_of(plant: Plant, material: str, scale: float, seed: int) -> dict[str,
         return {}
     found: dict[str, Any] = plain(result.summary() | {"findings": result.findings()})
     return found
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The summary of a charge over the device at `u`. A record, so that it can be handed to another process."""
+
+    space: Space
+    scale: float
+
+    def __call__(self, u: tuple[float, ...], material: str, seed: int) -> dict[str, Any]:
+        return charge_of(self.space.plant_of(u), material, self.scale, seed)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -80,13 +93,17 @@ def study(given: argparse.Namespace) -> int:
         ChargeTest(load_charge(material), space.plant, scale=given.scale)
     if given.estimate:
         return _estimate(space.plant, plan, given.scale)
+    if given.processes < 1:
+        raise InputError("processes", given.processes, "1 or more")
+    spread = on_processes(given.processes)
     given.out.mkdir(parents=True, exist_ok=True)
     designs = run_study(
         space,
         plan,
-        lambda u, material, seed: charge_of(space.plant_of(u), material, given.scale, seed),
+        Evaluation(space, given.scale),
         Record(given.out / "record.jsonl"),
         lambda line: print(line, flush=True),
+        spread,
     )
     good = [k for k, t in enumerate(designs) if t.has_result]
     if not good:
@@ -100,7 +117,7 @@ def study(given: argparse.Namespace) -> int:
         plan_of = Confirmation(plan.materials, given.confirm_scale, given.confirm_seeds)
         plants = {"present": space.plant, "chosen": space.plant_of(designs[chosen].u)}
         record = Record(given.out / "confirmation.jsonl")
-        found = confirm(plants, plan_of, charge_of, record, designs[chosen].u)
+        found = confirm(plants, plan_of, charge_of, record, designs[chosen].u, spread)
         for material, rows in found.items():
             print("\n".join(sentences(material, rows, plan_of)))
         confirmed = {material: as_records(rows) for material, rows in found.items()}

@@ -9,6 +9,7 @@ from typing import Any
 from demcore.experiments.charge_comparison import Row, compare
 from demcore.plant.parts import Plant
 from worker.deflector.record import Record
+from worker.deflector.spread import Spread, one_by_one
 from worker.deflector.study import OBJECTIVES
 
 # None that a study used.
@@ -27,30 +28,43 @@ class Confirmation:
 
 
 def confirm(
-    plants: Mapping[str, Plant], plan: Confirmation, charge: Charged, record: Record, device: Sequence[float]
+    plants: Mapping[str, Plant],
+    plan: Confirmation,
+    charge: Charged,
+    record: Record,
+    device: Sequence[float],
+    spread: Spread = one_by_one,
 ) -> dict[str, list[Row]]:
     """All numbers of both devices, by material.
 
     `plants`: by the names that the rows get, `chosen` one of them; `device` stands for that in the record.
     """
-    found = {}
-    for material in plan.materials:
-        groups: dict[str, list[dict[str, Any]]] = {name: [] for name in plants}
-        for k in range(plan.seeds):
-            for name, plant in plants.items():
-                key = {
-                    "device": list(device) if name == "chosen" else name,
-                    "material": material,
-                    "scale": plan.scale,
-                    "seed": FIRST_FRESH_SEED + k,
-                }
-                row = record.find(key)
-                if row is None:
-                    summary = charge(plant, material, plan.scale, FIRST_FRESH_SEED + k)
-                    row = record.add({**key, "summary": summary})
-                groups[name].append(row["summary"])
-        found[material] = compare(groups)
-    return found
+    wanted: list[dict[str, Any]] = [
+        {
+            "device": list(device) if name == "chosen" else name,
+            "material": material,
+            "scale": plan.scale,
+            "seed": FIRST_FRESH_SEED + k,
+        }
+        for material in plan.materials
+        for k in range(plan.seeds)
+        for name in plants
+    ]
+    missing = [key for key in wanted if record.find(key) is None]
+    calls = [(plants[_name(key)], key["material"], plan.scale, key["seed"]) for key in missing]
+    for k, summary in spread(charge, calls):
+        record.add({**missing[k], "summary": summary})
+    found: dict[str, dict[str, list[dict[str, Any]]]] = {m: {n: [] for n in plants} for m in plan.materials}
+    for key in wanted:
+        row = record.find(key)
+        assert row is not None
+        found[key["material"]][_name(key)].append(row["summary"])
+    return {material: compare(groups) for material, groups in found.items()}
+
+
+def _name(key: Mapping[str, Any]) -> str:
+    """Of the device of a row: the chosen one is written down by its variables."""
+    return key["device"] if isinstance(key["device"], str) else "chosen"
 
 
 def sentences(material: str, rows: Sequence[Row], plan: Confirmation) -> list[str]:

@@ -1,6 +1,7 @@
-"""A study of deflectors: designs are charged with every material, one after the other, and written down at once.
+"""A study of deflectors: designs are charged with every material, and each charge is written down at once.
 
-A study that was stopped goes on after the last line of its record: what comes next depends on the lines alone.
+A study that was stopped goes on with what its record lacks: what comes next depends on the lines alone, and not on
+their order, so charges may run side by side.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from worker.deflector.designs import Space, first_designs
 from worker.deflector.pareto import pareto_set
 from worker.deflector.proposal import propose
 from worker.deflector.record import Record
+from worker.deflector.spread import Spread, one_by_one
 from worker.optimizer.design import FloatArray
 
 OBJECTIVES = ("variation_of_mass", "variation_of_size")
@@ -57,12 +59,12 @@ class Tried:
 
 
 def tried(rows: Sequence[Mapping[str, Any]], materials: Sequence[str]) -> list[Tried]:
-    """The designs of a record that were charged with all materials, in order."""
+    """The designs of a record that were charged with all materials, in the order of their numbers."""
     by_number: dict[int, dict[str, Mapping[str, Any]]] = {}
     for row in rows:
         by_number.setdefault(row["number"], {})[row["material"]] = row
     found = []
-    for charges in by_number.values():
+    for _, charges in sorted(by_number.items()):
         if set(charges) >= set(materials):
             values = {m: {name: charges[m][name] for name in OBJECTIVES} for m in materials}
             means = tuple(
@@ -82,19 +84,41 @@ def run_study(
     evaluate: Evaluate,
     record: Record,
     tell: Callable[[str], None] = lambda _: None,
+    spread: Spread = one_by_one,
 ) -> list[Tried]:
-    """Try designs until the plan is done; number 0 is the present device."""
+    """Try designs until the plan is done; number 0 is the present device.
+
+    The designs that are spread over the box wait for nobody; of the others each waits for all before it.
+    """
     initial = [space.unit_of(space.plant.deflector), *first_designs(space, plan.seed, plan.initial)]
-    for number in range(plan.designs + 1):
-        u = initial[number] if number < len(initial) else _next(space, record.rows, plan, number)
-        for material in plan.materials:
-            if record.find({"number": number, "material": material}):
-                continue
-            summary = evaluate(u, material, plan.seed)
-            values = {name: _plain(summary.get(name)) for name in OBJECTIVES}
-            record.add({"number": number, "material": material, "u": list(u), **values})
-            tell(f"design {number}, {material}: " + ", ".join(f"{k} {v}" for k, v in values.items()))
+    _charge(dict(enumerate(initial)), plan, evaluate, record, tell, spread)
+    for number in range(len(initial), plan.designs + 1):
+        u = _next(space, record.rows, plan, number)
+        _charge({number: u}, plan, evaluate, record, tell, spread)
     return tried(record.rows, plan.materials)
+
+
+def _charge(
+    designs: Mapping[int, tuple[float, ...]],
+    plan: StudyPlan,
+    evaluate: Evaluate,
+    record: Record,
+    tell: Callable[[str], None],
+    spread: Spread,
+) -> None:
+    """Every material over these designs, by number, but for what the record holds."""
+    missing = [
+        (number, material)
+        for number in designs
+        for material in plan.materials
+        if not record.find({"number": number, "material": material})
+    ]
+    calls = [(designs[number], material, plan.seed) for number, material in missing]
+    for k, summary in spread(evaluate, calls):
+        number, material = missing[k]
+        values = {name: _plain(summary.get(name)) for name in OBJECTIVES}
+        record.add({"number": number, "material": material, "u": list(designs[number]), **values})
+        tell(f"design {number}, {material}: " + ", ".join(f"{name} {v}" for name, v in values.items()))
 
 
 def _plain(value: Any) -> float | None:

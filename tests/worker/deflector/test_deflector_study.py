@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from worker.deflector.designs import Space, candidates, first_designs
 from worker.deflector.pareto import pareto_set, pick, tchebycheff
 from worker.deflector.picture import draw_pareto
 from worker.deflector.record import Record
+from worker.deflector.spread import Spread, on_processes
 from worker.deflector.study import StudyPlan, arrays_of, front_of, run_study
 
 PLANT = load_plant()
@@ -97,6 +99,20 @@ def test_a_study_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path) -
     assert run_study(SPACE, SMALL, uneven, Record(record)) == whole
 
 
+def backwards(function: Callable[..., Any], calls: Sequence[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
+    """The last call ends first."""
+    return ((k, function(*calls[k])) for k in reversed(range(len(calls))))
+
+
+@pytest.mark.parametrize("spread", [backwards, on_processes(2)], ids=["backwards", "two processes"])
+def test_charges_side_by_side_make_the_same_study(tmp_path: Path, spread: Spread) -> None:
+    """Whatever ends first: designs, objectives and what follows from them are those of one after the other."""
+    alone = run_study(SPACE, SMALL, uneven, Record(tmp_path / "alone.jsonl"))
+    record = Record(tmp_path / "beside.jsonl")
+    assert run_study(SPACE, SMALL, uneven, record, spread=spread) == alone
+    assert len(record.rows) == 2 * (SMALL.designs + 1)
+
+
 def test_a_design_whose_charge_failed_is_passed_over(tmp_path: Path) -> None:
     def fails_once(u: tuple[float, ...], material: str, seed: int) -> dict[str, Any]:
         return {} if u == SPACE.unit_of(PLANT.deflector) and material == "iron" else uneven(u, material, seed)
@@ -165,6 +181,7 @@ def test_the_command_leaves_the_chosen_device(
         (["--materials", "granite"], "one of coke, iron"),
         (["--scale", "0"], "scale: got 0.0"),
         (["--plant", "nowhere.toml"], "plant_file"),
+        (["--processes", "0"], "processes: got 0, allowed is 1 or more"),
     ],
 )
 def test_bad_input_is_one_line(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
