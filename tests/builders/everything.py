@@ -49,7 +49,8 @@ def one_of_everything(database: Database, settings: Settings) -> dict[str, str]:
     settings.artifacts_dir.mkdir(parents=True)
     (settings.artifacts_dir / "file").write_bytes(b"1")
     settings.geometries_dir.mkdir(parents=True, exist_ok=True)
-    (settings.geometries_dir / "a.stl").write_bytes(binary_stl())
+    stl = binary_stl()
+    (settings.geometries_dir / "a.stl").write_bytes(stl)
     with database.writing() as session:
         design = session.scalars(select(DesignRow).where(DesignRow.study_id == study_id)).first()
         assert design is not None
@@ -66,7 +67,12 @@ def one_of_everything(database: Database, settings: Settings) -> dict[str, str]:
         ]
         keep_files(session, files, charge_id=charge_id)
         mesh = GeometryRow(
-            file_name="a.stl", sha256="0" * 64, size_bytes=1, triangles=1, extent={}, path="a.stl"
+            file_name="a.stl",
+            sha256=sha256(stl).hexdigest(),
+            size_bytes=len(stl),
+            triangles=1,
+            extent={},
+            path="a.stl",
         )
         version = ModelVersionRow(name="baseline+x", diagnosis_id=diagnosis, base="x", effects={})
         session.add_all([mesh, version])
