@@ -126,24 +126,29 @@ def _diagnosis_shots(url: str) -> list[Shot]:
     return found
 
 
+def ask(address: str) -> httpx.Response:
+    """On two cores that simulate beside it a service takes its time."""
+    return httpx.get(address, timeout=60.0)
+
+
 def _items(url: str, path: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = httpx.get(url + path).json()["items"]
+    found: list[dict[str, Any]] = ask(url + path).json()["items"]
     return found
 
 
 def _reported(url: str, studies: Sequence[dict[str, Any]]) -> int:
     """The first with a report, from which most of an analysis is drawn; an imported study brings none."""
     ids = [int(item["id"]) for item in studies]
-    return next((i for i in ids if httpx.get(f"{url}/v1/studies/{i}/report").status_code == 200), ids[0])
+    return next((i for i in ids if ask(f"{url}/v1/studies/{i}/report").status_code == 200), ids[0])
 
 
 def _piles(url: str, study: int) -> tuple[int, int] | None:
     """The first recommended design and another one, else the first two with an angle; None: no grains."""
-    told = httpx.get(f"{url}/v1/studies/{study}").json()["recommendation"] or {}
+    told = ask(f"{url}/v1/studies/{study}").json()["recommendation"] or {}
     items = _items(url, f"/v1/studies/{study}/designs?limit=200")
     seen = [item for item in items if item["angle_deg"] is not None]
     best = [item for item in seen if item["number"] in told.get("numbers", [])] or seen
-    if not best or httpx.get(f"{url}/designs/{best[0]['id']}/scene").json()["state"] != "ready":
+    if not best or ask(f"{url}/designs/{best[0]['id']}/scene").json()["state"] != "ready":
         return None
     others = [item for item in seen if item["id"] != best[0]["id"]] or best
     return int(best[0]["id"]), int(others[-1]["id"])
@@ -264,7 +269,7 @@ def take_all(browser: Browser, urls: Sequence[str], only: Sequence[str] | None) 
 def take_page(browser: Browser, url: str, shot: Shot) -> None:
     """A page in two sizes, some in the dark too."""
     if shot.is_file:
-        (PICTURES / f"{shot.name}.png").write_bytes(httpx.get(url + shot.path).content)
+        (PICTURES / f"{shot.name}.png").write_bytes(ask(url + shot.path).content)
         return
     take(browser, url + shot.path, shot.name, LAPTOP)
     take(browser, url + shot.path, f"{shot.name}_phone", PHONE)

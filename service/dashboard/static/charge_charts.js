@@ -6,6 +6,9 @@ const line = (name, x, y, colour, template, more = {}) => ({
   type: "scatter", mode: "lines", name, x, y, line: { color: colour, width: 2 }, hovertemplate: `${template}<extra></extra>`, ...more,
 });
 
+// A second scale on the right with its own round numbers: plotly would put its ticks where the left one has them.
+const right = (axis, title) => ({ ...titled(axis, title), overlaying: "y", side: "right", showgrid: false, tickmode: "auto" });
+
 export function burdenFigure(data, theme) {
   const base = baseLayout(theme);
   return {
@@ -19,27 +22,32 @@ export function burdenFigure(data, theme) {
       ...base,
       xaxis: { ...titled(base.xaxis, "direction around the axis, degrees (belt at 180)"), range: [0, 360], dtick: 90, zeroline: false },
       yaxis: { ...titled(base.yaxis, "height above the seat, m"), zeroline: false },
-      yaxis2: { ...titled(base.yaxis, "mean grain, mm"), overlaying: "y", side: "right", showgrid: false, zeroline: false },
+      yaxis2: { ...right(base.yaxis, "mean grain, mm"), zeroline: false },
       shapes: data.piles.map((at) => ({ type: "line", yref: "paper", y0: 0, y1: 1, x0: at, x1: at, line: { color: theme.muted, width: 1, dash: "dash" } })),
       annotations: data.piles.map((at) => ({ x: at, yref: "paper", y: 0, yanchor: "bottom", xanchor: "left", xshift: 3, showarrow: false, text: "pile", font: { size: 11, color: theme.muted } })),
     },
   };
 }
 
+// Name, colour, dash, and whether it is small beside the charge: those have the scale on the right.
 const PLACES = [
-  ["in_hopper", "in the hopper", "accent", "solid"], ["fed", "fed", "muted", "dot"], ["on_belt", "on the belt", "good", "solid"],
-  ["in_flight", "in flight", "doubt", "solid"], ["lost", "lost", "bad", "dash"],
+  ["in_hopper", "in the hopper", "accent", "solid", false], ["fed", "fed", "muted", "dot", false],
+  ["on_belt", "on the belt", "good", "solid", true], ["in_flight", "in flight", "doubt", "solid", true],
+  ["lost", "lost", "bad", "dash", true],
 ];
 
 export function accountFigure(data, theme) {
   const base = baseLayout(theme);
   return {
-    data: PLACES.map(([key, name, colour, dash]) =>
-      line(name, data.time, data[key], theme[colour], `%{x:.1f} s: %{y:.5~g} kg ${name}`, { line: { color: theme[colour], width: 2, dash } })),
+    data: PLACES.map(([key, name, colour, dash, isSmall]) =>
+      line(isSmall ? `${name} (right)` : name, data.time, data[key], theme[colour], `%{x:.1f} s: %{y:.4~g} kg ${name}`, {
+        line: { color: theme[colour], width: 2, dash }, ...(isSmall ? { yaxis: "y2" } : {}),
+      })),
     layout: {
       ...base,
       xaxis: { ...titled(base.xaxis, "simulated time, s"), zeroline: false },
       yaxis: { ...titled(base.yaxis, "mass, kg"), rangemode: "tozero" },
+      yaxis2: { ...right(base.yaxis, "on the belt, in flight, lost, kg"), rangemode: "tozero" },
     },
   };
 }
@@ -47,6 +55,7 @@ export function accountFigure(data, theme) {
 export function beltFigure(data, theme) {
   const base = baseLayout(theme);
   const percent = data.share.map((share) => (share == null ? null : 100 * share));
+  const highest = data.height[percent.findLastIndex((share) => share > 0.05)];
   return {
     data: [
       {
@@ -57,9 +66,9 @@ export function beltFigure(data, theme) {
     ],
     layout: {
       ...base,
-      xaxis: { ...titled(base.xaxis, "height above the belt, mm"), zeroline: false },
+      xaxis: { ...titled(base.xaxis, "height above the belt, mm"), range: [0, 1.1 * highest], zeroline: false },
       yaxis: { ...titled(base.yaxis, "share of the mass, %"), rangemode: "tozero" },
-      yaxis2: { ...titled(base.yaxis, "mean grain, mm"), overlaying: "y", side: "right", showgrid: false, rangemode: "tozero" },
+      yaxis2: { ...right(base.yaxis, "mean grain, mm"), rangemode: "tozero" },
     },
   };
 }
