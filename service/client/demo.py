@@ -72,7 +72,9 @@ def conduct(
     study = client.create_study(dict(body))
     console.print(f"Study {study['id']} is at {service.url}/studies/{study['id']}", highlight=False)
     try:
-        with console.status("waiting for the workers: after a change of the code they first compile it"):
+        with console.status(
+            "waiting for the workers: at their first start they compile the simulation, a minute or two"
+        ):
             service.wait_for("dispatcher", "workers")
         follow(client, study, console)
         give_up_if_paused(client, study["id"], console)
