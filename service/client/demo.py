@@ -158,6 +158,9 @@ def tell(outcome: Mapping[str, Any], study: Mapping[str, Any], console: Console)
         console.print(f"{line}.", highlight=False, soft_wrap=True)
     reason = (study["stop"] or {}).get("text") or outcome["stop_reason"] or study["state"]
     console.print(f"Ended after {outcome['minutes']:.1f} minutes: {reason}", highlight=False, soft_wrap=True)
+    if outcome["stop_reason"] == "budget":
+        again = f'"warm_start": [{study["id"]}]'
+        console.print(f"To go on: a larger budget, and {again} to start from this study.", highlight=False)
 
 
 def wait_for_interrupt() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -152,21 +153,8 @@ def test_the_list_of_studies_says_what_came_out_beside_the_window() -> None:
         "recommendation": None,
         "stop": None,
     }
-    rows = [
-        [cell.strip() for cell in line.split("│")[1:-1]]
-        for line in drawn(studies_table([common | ended, common | begun])).splitlines()
-        if "│" in line
-    ]
-    assert rows == [
-        [
-            "1",
-            "pellet 3",
-            "completed",
-            "6 of 6, 1 failed",
-            "26.04 ± 2.2 deg",
-            "25 to 26",
-            "budget",
-            "11-29 19:22",
-        ],
-        ["2", "pellet 3", "running", "0 of 6", "-", "25 to 26", "", "11-29 19:22"],
+    text = drawn(studies_table([common | ended, common | begun]))
+    assert [re.split(r" {2,}", line.strip()) for line in text.splitlines()[1:]] == [
+        ["1", "pellet ×3", "completed", "6/6, 1 failed", "26.04 ± 2.2°", "25–26", "budget", "11-29 19:22"],
+        ["2", "pellet ×3", "running", "0/6", "-", "25–26", "11-29 19:22"],
     ]
