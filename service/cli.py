@@ -18,7 +18,6 @@ from typing import Any, NoReturn
 import click
 from pydantic import ValidationError
 from rich.console import Console
-from rich.table import Table
 
 from service.client.charge import COMMANDS as CHARGE_COMMANDS
 from service.client.charge_comparison import compare_command
@@ -26,7 +25,7 @@ from service.client.commands import COMMANDS
 from service.client.keys import keys_command
 from service.client.maintenance import backup, restore, retention
 from service.client.rest import Client, RefusedError, ServiceAwayError
-from service.client.tables import noise_lines
+from service.client.tables import found_lines, noise_lines, studies_table
 from service.code_version import demcore_hash
 from service.file_store import StoreAway, artifact_store
 from service.settings import Settings, StartupError, describe_problems, get_settings
@@ -187,14 +186,8 @@ def version() -> None:
 @click.option("--limit", type=click.IntRange(1, 200), default=20, show_default=True)
 def studies(limit: int) -> None:
     """List the newest studies of the running service."""
-    table = Table("study", "material", "state", "feasible", "unfeasible", "error", "ended because", "created")
     with Client(get_settings().base_url) as client:
-        for study in client.studies(limit):
-            counts = [str(study["counters"][name]) for name in ("feasible", "unfeasible", "error")]
-            reason = (study["stop"] or {}).get("reason") or ""
-            created = datetime.fromisoformat(study["created_at"]).strftime("%Y-%m-%d %H:%M")
-            table.add_row(str(study["id"]), study["material"], study["state"], *counts, reason, created)
-    Console().print(table)
+        Console().print(studies_table(client.studies(limit)))
 
 
 @cli.command()
@@ -216,7 +209,11 @@ def status(study_id: int | None, only: str | None) -> None:
     click.echo(f"study {study_id} ({study['material']}): {study['state']}; {counts}")
     for response in study["spec"].get("responses", ()):
         lower, upper = response["window"]
-        click.echo(f"  {response['observable']}: {response['target']:g} ({lower:g} to {upper:g})")
+        click.echo(
+            f"  {response['observable']}: target {response['target']:g}, window {lower:g} to {upper:g}"
+        )
+    for line in found_lines(study["recommendation"]) if study["recommendation"] else ():
+        click.echo(f"  {line}")
     for line in noise_lines(study):
         click.echo(f"  {line}")
     if study["spec"].get("strategy", "auto") != "auto":

@@ -19,7 +19,7 @@ from demcore.experiments.paper_tables import TABLE_5
 from demcore.experiments.pile_case import PileTest
 from demcore.material import Material, load_material, material_names
 from demcore.material_file import read_material
-from demcore.rig import load_rig, rig_names
+from demcore.rig import FEWEST_DIAMETERS, load_rig, rig_names
 from demcore.time_step import PRESETS
 
 if TYPE_CHECKING:
@@ -177,12 +177,16 @@ def _write(result: PileResult, folder: Path) -> None:
 def _tell(result: PileResult, folder: Path, series: str) -> None:
     summary, test = result.summary(), result.test
     rate = summary["particle_steps"] / max(summary["wall_s"], 1e-9)
+    is_coarse = test.diameters_across_base < FEWEST_DIAMETERS
+    coarse = (
+        f" (under {FEWEST_DIAMETERS:g} the angle feels the grains' size: a finer scale)" if is_coarse else ""
+    )
     print(
         f"repose angle {result.angle_deg:.2f} +- {result.angle_sd_deg:.2f} deg (surface scan, standard error of "
         f"{len(result.scan.sectors)} sectors); the paper's literal reading {result.literal_angle_deg:.2f} deg\n"
         f"mass on the base {summary['mass_on_base_kg']:.2f} kg of {summary['mass_filled_kg']:.2f} kg, "
         f"{summary['particles_on_base']} of {summary['particles_filled']} particles\n"
         f"simulated {summary['simulated_s']:.2f} s in {summary['wall_s']:.1f} s, {rate:.2e} particle-steps/s, "
-        f"scale {test.scale:g}, {test.diameters_across_base:.1f} mean diameters across the base radius\n"
+        f"scale {test.scale:g}, {test.diameters_across_base:.1f} mean diameters along the base's radius{coarse}\n"
         f"files in {folder}: result.h5, pile.vtkhdf, pile.png, summary.json{series}"
     )

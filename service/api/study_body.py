@@ -3,6 +3,7 @@ domain's business, so that every way in has the same limits."""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -231,4 +232,6 @@ def _check_scale(field: str, scale: float, material: Material) -> None:
     """Two of the largest particles must fit across the rig's cylinder; later, each design would fail for it."""
     largest = load_rig(material.name).cylinder_radius / material.sizes.largest
     if scale > largest:
-        raise InvalidValue(field, scale, f"at most {largest:.2g} for {material.name}, whose rig is small")
+        # Rounded down: the number that is told must be one that is taken.
+        told = math.floor(10.0 * largest) / 10.0
+        raise InvalidValue(field, scale, f"at most {told:g} for {material.name}, whose rig is small")

@@ -95,8 +95,9 @@ def _tell(client: Client, item: Mapping[str, Any], folder: Path, console: Consol
     files = fetch(client, item, folder)
     found = item["findings"]
     told = ", ".join(found["depressions"]) or "none"
+    piles = f"{found['piles']} pile" + ("" if found["piles"] == 1 else "s")
     console.print(
-        f"charge {item['id']}, seed {item['seed']}: {found['piles']} piles; far {_height(found, 'far')}, near "
+        f"charge {item['id']}, seed {item['seed']}: {piles}; far {_height(found, 'far')}, near "
         f"{_height(found, 'near')}; depressions: {told}\nWritten: {files['report']}",
         highlight=False,
         soft_wrap=True,

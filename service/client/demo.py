@@ -72,7 +72,9 @@ def conduct(
     study = client.create_study(dict(body))
     console.print(f"Study {study['id']} is at {service.url}/studies/{study['id']}", highlight=False)
     try:
-        with console.status("waiting for the workers: after a change of the code they first compile it"):
+        with console.status(
+            "waiting for the workers: at their first start they compile the simulation, a minute or two"
+        ):
             service.wait_for("dispatcher", "workers")
         follow(client, study, console)
         give_up_if_paused(client, study["id"], console)
@@ -156,6 +158,9 @@ def tell(outcome: Mapping[str, Any], study: Mapping[str, Any], console: Console)
         console.print(f"{line}.", highlight=False, soft_wrap=True)
     reason = (study["stop"] or {}).get("text") or outcome["stop_reason"] or study["state"]
     console.print(f"Ended after {outcome['minutes']:.1f} minutes: {reason}", highlight=False, soft_wrap=True)
+    if outcome["stop_reason"] == "budget":
+        again = f'"warm_start": [{study["id"]}]'
+        console.print(f"To go on: a larger budget, and {again} to start from this study.", highlight=False)
 
 
 def wait_for_interrupt() -> None:

@@ -13,11 +13,11 @@ from pathlib import Path
 
 from service.child_process import last_line
 from service.client.rest import Client, ServiceAwayError
-from service.installation_lock import find_running
+from service.installation_lock import check_port, find_running
 from service.settings import Settings, StartupError
 
-# The workers compile the kernels at their first start: 60 to 90 s on two cores, more on busy ones.
-START_SECONDS = 300.0
+# The workers compile the kernels at their first start: 60 to 90 s on two idle cores, five minutes on busy ones.
+START_SECONDS = 900.0
 STOP_SECONDS = 12.0
 
 
@@ -64,7 +64,7 @@ class LocalService:
 
 @contextmanager
 def running_service(settings: Settings) -> Iterator[LocalService]:
-    """A service whose API answers; one that was started here ends with the block."""
+    """A service whose API answers; one that was started here ends with the block. Raises StartupError."""
     log = settings.logs_dir / "supervisor.log"
     found = find_running(settings)
     service = LocalService(found.url, log) if found is not None else _start(settings, log)
@@ -76,6 +76,14 @@ def running_service(settings: Settings) -> Iterator[LocalService]:
 
 
 def _start(settings: Settings, log: Path) -> LocalService:
+    # Otherwise another folder's service there answers before ours has found its port taken, and gets the work.
+    try:
+        check_port(settings)
+    except StartupError as error:
+        raise StartupError(
+            f"no service runs on {settings.data_dir}, and {error}, or set TALUS_DATA_DIR to the folder of the "
+            "service that is there"
+        ) from None
     log.parent.mkdir(parents=True, exist_ok=True)
     with log.open("ab") as output:
         # A session of its own: Ctrl-C is for this process, which then ends the service in order.

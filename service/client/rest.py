@@ -231,7 +231,10 @@ class Client:
         try:
             answer = self._http.request(method, path, **request)
         except httpx.TransportError as error:
-            raise ServiceAwayError(f"no service answers at {self.base_url} ({error})") from error
+            raise ServiceAwayError(
+                f"no service answers at {self.base_url} ({error}); `talus serve` starts one, "
+                "TALUS_PORT says where another is"
+            ) from error
         if answer.is_error and answer.status_code not in good:
             if answer.status_code == httpx.codes.SERVICE_UNAVAILABLE:
                 raise ServiceAwayError(detail_of(answer))

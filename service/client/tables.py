@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -96,6 +97,37 @@ def found_lines(recommendation: Mapping[str, Any]) -> list[str]:
         f"within ±{met['half_width_90']:.2g} {met['unit']} (90 %)."
         for name, met in recommendation["responses"].items()
     ]
+
+
+def studies_table(studies: Iterable[Mapping[str, Any]]) -> Table:
+    """What came out of each study, beside its window; of several responses the first. Fits 80 columns."""
+    table = Table(
+        *("study", "material", "state", "runs", "found", "window", "ended by", "created"),
+        box=None,
+        pad_edge=False,
+        padding=(0, 2, 0, 0),
+    )
+    for study in studies:
+        spec, counters = study["spec"], study["counters"]
+        failed = f", {counters['error']} failed" if counters["error"] else ""
+        first = spec["responses"][0]
+        met = (study["recommendation"] or {"responses": {}})["responses"].get(first["observable"])
+        table.add_row(
+            str(study["id"]),
+            f"{study['material']} ×{spec['scale']:g}",
+            study["state"],
+            f"{sum(counters.values())}/{spec['budget']}{failed}",
+            "-" if met is None else _within(met),
+            "{:g}–{:g}".format(*first["window"]),
+            (study["stop"] or {}).get("reason") or "",
+            f"{datetime.fromisoformat(study['created_at']):%m-%d %H:%M}",
+        )
+    return table
+
+
+def _within(met: Mapping[str, Any]) -> str:
+    unit = "°" if met["unit"] == "deg" else f" {met['unit']}"
+    return f"{met['mean']:.4g} ± {met['half_width_90']:.2g}{unit}"
 
 
 def noise_lines(study: Mapping[str, Any]) -> list[str]:

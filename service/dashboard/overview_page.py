@@ -16,6 +16,7 @@ from service.domain.spec_record import primary_response
 from service.domain.states import is_over
 
 STUDIES_A_PAGE = 25
+NO_WORKER = "none reports; at its first start a worker compiles the simulation, for a minute or two"
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,6 @@ def health_items(health: Health) -> Sequence[HealthItem]:
             bool(health.dispatchers) and not problems,
             problems[0] if problems else "takes messages" if health.dispatchers else "nobody looks at it",
         ),
-        HealthItem("Workers", workers > 0, f"{workers} at work" if workers else "none reports"),
+        HealthItem("Workers", workers > 0, f"{workers} at work" if workers else NO_WORKER),
         HealthItem("Jobs", workers > 0 or not health.queued, jobs),
     )

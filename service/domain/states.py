@@ -106,7 +106,8 @@ class ChangeNotAllowed(ActionNotAllowed):
     """A state change that the table does not have."""
 
     def __init__(self, current: State, new: State) -> None:
-        super().__init__(f"{type(current).__name__} {current.value} cannot become {new.value}")
+        thing = type(current).__name__.removesuffix("State").lower()
+        super().__init__(f"a {thing} that is {current.value} cannot become {new.value}")
 
 
 def sources(new: State) -> tuple[State, ...]:

@@ -14,7 +14,7 @@ def move_task(session: Session, task: TaskRow, new: DesignState, failure: Failur
     """Needs its lock. Raises ChangeNotAllowed."""
     require_change(task.state, new)
     task.state = new
-    if new is DesignState.RUNNING:
+    if new is DesignState.RUNNING and task.started_at is None:  # the first start of several attempts
         task.started_at = queries.now(session)
     if is_over(new):
         task.ended_at = queries.now(session)

@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.db.models import ReportRow, StudyRow
+from service.db.models import ChargeRow, ReportRow, StudyRow
 from service.db.session import Database
 from service.domain.search_space import default_space
+from service.studies.give_back_job import Return, give_back_job
 from service.studies.record_charge import record_charge
 from tests.builders.charges import a_charge_measurement, charge, charges, claimed_charge, job_of_charge
 from tests.builders.studies import a_study
@@ -75,6 +76,18 @@ def test_the_next_charge_is_told_by_the_rate_of_the_last(
     (item,) = posted(client)["items"]
     assert f"as charge {first} ran here" in item["cost"]["text"]
     assert item["cost"]["seconds"] == pytest.approx(item["cost"]["particle_steps"] / 2e6)
+
+
+def test_a_charge_that_was_interrupted_counts_its_time_from_its_first_start(
+    sqlite_database: Database,
+) -> None:
+    (number,) = charges(sqlite_database)
+    first = claimed_charge(sqlite_database, number)
+    with sqlite_database.writing() as session:
+        session.get_one(ChargeRow, number).started_at = 1000.0
+        assert give_back_job(session, first.lease, Return("released", "the service was stopped"))
+    claimed_charge(sqlite_database, number)
+    assert charge(sqlite_database, number).started_at == 1000.0
 
 
 def test_the_same_key_gives_the_same_charges_and_another_request_is_refused(client: TestClient) -> None:

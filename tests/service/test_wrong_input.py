@@ -77,7 +77,7 @@ WRONG = {
     "seed absurd": (pellet(seed=10**30), "seed", str(10**30), "2147483647"),
     "scale as text": (pellet(scale="2"), "scale", "2", "a number"),
     "scale 0": (pellet(scale=0), "scale", 0, "0.5 to 8"),
-    "scale too large for the rig": ({"material": "coke", "scale": 7.0}, "scale", 7.0, "at most 6 for coke"),
+    "scale too large for the rig": ({"material": "coke", "scale": 7.0}, "scale", 7.0, "at most 5.9 for coke"),
     "unknown field": (pellet(colour="red"), "colour", "red", "no such field"),
     "unknown nested field": (
         pellet(objective={"target": 25.5}),
@@ -166,7 +166,7 @@ WRONG = {
         {"material": "coke", "coarse": {"scale": 7.0}},
         "coarse.scale",
         7.0,
-        "at most 6",
+        "at most 5.9",
     ),
     "warm start from nowhere": (pellet(warm_start=[99]), "warm_start", 99, "a stored study"),
     "warm start twice": (pellet(warm_start=[1, 1]), "warm_start", 1, "each study once"),

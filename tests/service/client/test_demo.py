@@ -66,6 +66,12 @@ def test_a_study_without_an_angle_claims_nothing() -> None:
     assert "there is no optimum" in told(outcome, study)
 
 
+def test_a_demo_that_spent_its_budget_says_how_to_go_on() -> None:
+    study = {**STUDY, "stop": {"reason": "budget", "text": "All are spent."}}
+    assert '"warm_start": [4]' in told(summarise(study, 1.0), study)
+    assert "To go on" not in told(summarise(STUDY, 1.0), STUDY)
+
+
 @pytest.mark.parametrize(
     ("certified", "words"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -10,7 +11,7 @@ from rich.console import Console
 from service.client.paper import PAPER
 from service.client.rest import Event
 from service.client.study_view import StudyView
-from service.client.tables import LiveTable, closing_table, plain_line, status
+from service.client.tables import LiveTable, closing_table, plain_line, status, studies_table
 from service.domain.search_space import PAPER_PARAMETERS
 
 STUDY = {
@@ -132,3 +133,28 @@ def test_a_coarse_run_is_no_best_and_costs_no_time_of_the_budget(view: StudyView
     assert view.best is not None
     assert view.best.number == 2
     assert view.seconds_left(200.0) == 0.0
+
+
+def test_the_list_of_studies_says_what_came_out_beside_the_window() -> None:
+    spec = {"scale": 3.0, "budget": 6, "responses": [{"observable": "angle_deg", "window": [25.0, 26.0]}]}
+    common = {"material": "pellet", "spec": spec, "created_at": "2026-11-29T19:22:00Z"}
+    found = {"responses": {"angle_deg": {"mean": 26.04, "half_width_90": 2.2, "unit": "deg"}}}
+    ended = {
+        "id": 1,
+        "state": "completed",
+        "counters": {"feasible": 1, "unfeasible": 4, "error": 1},
+        "recommendation": found,
+        "stop": {"reason": "budget"},
+    }
+    begun = {
+        "id": 2,
+        "state": "running",
+        "counters": {"feasible": 0, "unfeasible": 0, "error": 0},
+        "recommendation": None,
+        "stop": None,
+    }
+    text = drawn(studies_table([common | ended, common | begun]))
+    assert [re.split(r" {2,}", line.strip()) for line in text.splitlines()[1:]] == [
+        ["1", "pellet ×3", "completed", "6/6, 1 failed", "26.04 ± 2.2°", "25–26", "budget", "11-29 19:22"],
+        ["2", "pellet ×3", "running", "0/6", "-", "25–26", "11-29 19:22"],
+    ]

@@ -42,7 +42,7 @@ STUDIES: dict[str, tuple[Course, tuple[str, ...]]] = {
     ),
     "not certified": (
         lambda database: piles.a_finished_study(database, certified=False),
-        ("Not certified", "All demands must hold", "does not hold"),
+        ("Not certified", "All demands must hold", "does not hold", "To go on", 'href="/new/study"'),
     ),
     "unreachable": (
         lambda database: piles.a_finished_study(database, certified=False, reason="target_unreachable"),

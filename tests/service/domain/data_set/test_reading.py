@@ -158,6 +158,11 @@ def test_a_table_of_a_wrong_shape_is_named(conditions: str, row: int | None, col
     assert column is None or where == column
 
 
+def test_a_wrong_header_is_not_told_again_by_each_row_that_names_a_condition() -> None:
+    found = complaints(tables(conditions=CONDITIONS.replace("mass_kg", "mass")))
+    assert [c[:3] for c in found] == [("conditions.csv", 1, "mass"), ("conditions.csv", 1, "mass_kg")]
+
+
 def test_missing_cells_are_normal() -> None:
     text = OBSERVATIONS.replace("36.9", "")
     assert len(data_set_from_tables(tables(observations=text)).observations) == 8
