@@ -80,6 +80,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # One thread of linear algebra for each process: its matrices are small, and a second thread only waits (the tests
 # of the diagnosis took 3.7 times the processor time).
 test test-browser slow: export OPENBLAS_NUM_THREADS := 1
+# Tests wait for workers, and share the cores with each other.
+test test-browser slow: export TALUS_WORKER_NICENESS := 0
 
 test: $(DEV)
 	@$(BIN)/python -m pytest -m "not slow and not browser" --numprocesses auto --maxprocesses 4 --dist loadfile $(TESTS)

@@ -91,6 +91,7 @@ def environment(settings: Settings, spec: ProcessSpec) -> dict[str, str]:
         "TALUS_DISK_PAUSE_SECONDS": str(settings.disk_pause_seconds),
         "TALUS_MAX_BODY_BYTES": str(settings.max_body_bytes),
         "TALUS_THREADS": str(settings.threads),
+        "TALUS_WORKER_NICENESS": str(settings.worker_niceness),
         "TALUS_MAX_IMPORT_BYTES": str(settings.max_import_bytes),
         "TALUS_AUTH": settings.auth,
         "TALUS_LOG_LEVEL": settings.log_level,

@@ -60,6 +60,14 @@ class Settings(BaseSettings):
         int,
         Field(ge=1, le=256, description="of each worker; one each is fastest while all cores have a worker"),
     ] = 1
+    worker_niceness: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=19,
+            description="workers compute in what requests and pages leave of the cores; 0: as they",
+        ),
+    ] = 10
     max_body_bytes: Annotated[int, Field(ge=1_000, le=1_000_000_000)] = 1_000_000
     max_import_bytes: Annotated[int, Field(ge=1_000, le=1_000_000_000)] = 50_000_000
     auth: Annotated[

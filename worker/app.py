@@ -50,11 +50,13 @@ app.conf.update(
 
 
 @worker_init.connect
-def compile_kernels(**_: Any) -> None:
-    """Call the kernels once before the children are forked: they then start without compiling."""
+def prepare(**_: Any) -> None:
+    """Step back behind who answers, and call the kernels once before the children are forked: they then start
+    without compiling."""
     # Here, because importing the kernels takes seconds that a Celery command like `report` need not wait.
     from worker.evaluate import compile_kernels as compile_now
 
+    process.step_back(installation.settings().worker_niceness)
     compile_now()
 
 

@@ -13,7 +13,9 @@ import threading
 import time
 import uuid
 from collections.abc import Mapping
+from contextlib import suppress
 from enum import StrEnum
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -71,6 +73,20 @@ def renew_worker_id() -> str:
     global worker_id
     worker_id = str(uuid.uuid4())
     return worker_id
+
+
+AUTOGROUP = Path("/proc/self/autogroup")
+
+
+def step_back(niceness: int) -> None:
+    """This process, and what it forks, computes in what others leave of the cores.
+
+    Where Linux groups processes by session, which `talus serve` gives each of its own, niceness counts within a
+    group only, so the group steps back too.
+    """
+    os.nice(max(0, niceness - os.nice(0)))
+    with suppress(OSError):
+        AUTOGROUP.write_text(str(niceness))
 
 
 class Attempt:

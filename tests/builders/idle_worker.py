@@ -13,7 +13,7 @@ from service.queue import TASK_NAMES
 from worker import careful_transport
 
 app = worker.app.app
-worker_init.disconnect(worker.app.compile_kernels)
+worker_init.disconnect(worker.app.prepare)
 app.conf.include = ()
 # Time for the tests, not for anything that they show.
 careful_transport.ASK_AGAIN_S = 0.2

@@ -21,7 +21,7 @@ from tests.faults.rig import Rig, running_rig
 from tests.load.memory import MemoryWatch
 
 STUDIES, DESIGNS = 10, 1000
-USERS = 25
+USERS, SPAWNED_PER_S = 25, 5
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -51,7 +51,7 @@ def main() -> int:
         command = [
             *(sys.executable, "-m", "locust", "--headless", "--only-summary"),
             *("--locustfile", str(Path(__file__).with_name("locustfile.py"))),
-            *("--host", rig.settings.base_url, "--users", str(USERS), "--spawn-rate", str(USERS)),
+            *("--host", rig.settings.base_url, "--users", str(USERS), "--spawn-rate", str(SPAWNED_PER_S)),
             *("--run-time", f"{wanted.seconds}s", "--csv", f"{name}/load"),
         ]
         done = subprocess.run(command, cwd=ROOT, check=False)
