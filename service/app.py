@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 from collections.abc import AsyncIterator
@@ -88,6 +89,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        _spare_imports()
         yield
         database.dispose()
 
@@ -127,6 +129,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SafeHeaders)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     return app
+
+
+def _spare_imports() -> None:
+    """What the imports left lives as long as the process: looking through it for garbage holds every request up, a
+    hundredth of them by 100 ms."""
+    if not gc.get_freeze_count():
+        gc.collect()
+        gc.freeze()
 
 
 def _document(app: FastAPI) -> dict[str, Any]:
