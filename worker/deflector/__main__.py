@@ -10,16 +10,17 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from demcore.errors import InputError, SimulationError
+from demcore.errors import InputError
 from demcore.experiments.charge_case import ChargeTest, charge_names, load_charge
 from demcore.geometry.mesh_file import save_mesh
 from demcore.plant.parts import Plant
 from demcore.plant.plant_file import key_of, load_plant
 from demcore.plant.surfaces import deflector_mesh
+from worker.deflector import charges
 from worker.deflector.confirmation import Confirmation, as_records, confirm, sentences
 from worker.deflector.designs import Space
 from worker.deflector.pareto import pick
@@ -50,30 +51,6 @@ def parser() -> argparse.ArgumentParser:
     return made
 
 
-def charge_of(plant: Plant, material: str, scale: float, seed: int) -> dict[str, Any]:
-    """The summary of a charge as plain JSON; empty where it came to no end."""
-    from demcore.experiments.charge_test import run_charge
-
-    try:
-        result = run_charge(ChargeTest(load_charge(material), plant, scale=scale, seed=seed))
-    except SimulationError as error:
-        print(f"{material}, seed {seed}: {error}", file=sys.stderr)
-        return {}
-    found: dict[str, Any] = plain(result.summary() | {"findings": result.findings()})
-    return found
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """The summary of a charge over the device at `u`. A record, so that it can be handed to another process."""
-
-    space: Space
-    scale: float
-
-    def __call__(self, u: tuple[float, ...], material: str, seed: int) -> dict[str, Any]:
-        return charge_of(self.space.plant_of(u), material, self.scale, seed)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """The exit status: 2 for what is refused."""
     given = parser().parse_args(arguments)
@@ -100,7 +77,7 @@ def study(given: argparse.Namespace) -> int:
     designs = run_study(
         space,
         plan,
-        Evaluation(space, given.scale),
+        charges.Evaluation(space, given.scale),
         Record(given.out / "record.jsonl"),
         lambda line: print(line, flush=True),
         spread,
@@ -117,7 +94,7 @@ def study(given: argparse.Namespace) -> int:
         plan_of = Confirmation(plan.materials, given.confirm_scale, given.confirm_seeds)
         plants = {"present": space.plant, "chosen": space.plant_of(designs[chosen].u)}
         record = Record(given.out / "confirmation.jsonl")
-        found = confirm(plants, plan_of, charge_of, record, designs[chosen].u, spread)
+        found = confirm(plants, plan_of, charges.charge_of, record, designs[chosen].u, spread)
         for material, rows in found.items():
             print("\n".join(sentences(material, rows, plan_of)))
         confirmed = {material: as_records(rows) for material, rows in found.items()}

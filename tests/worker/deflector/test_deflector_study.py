@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
+import runpy
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,7 @@ from demcore.geometry.mesh_file import load_mesh
 from demcore.plant.plant_file import load_plant
 from demcore.plant.surfaces import deflector_mesh
 from worker.deflector import __main__ as command
+from worker.deflector import charges, spread
 from worker.deflector.designs import Space, candidates, first_designs
 from worker.deflector.pareto import pareto_set, pick, tchebycheff
 from worker.deflector.picture import draw_pareto
@@ -134,7 +138,7 @@ def test_the_command_leaves_the_chosen_device(
         charged.append((material, scale, seed))
         return uneven(SPACE.unit_of(plant.deflector), material, seed) | {"variation_of_mass": seed / 1000.0}
 
-    monkeypatch.setattr(command, "charge_of", charge_of)
+    monkeypatch.setattr(charges, "charge_of", charge_of)
     out = tmp_path / "out"
     words = [
         "--designs",
@@ -171,6 +175,31 @@ def test_the_command_leaves_the_chosen_device(
     assert command.main(words) == 0
     assert len(charged) == 22
     assert json.loads((out / "study.json").read_text()) == study
+
+
+@pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")  # imported above already
+def test_what_the_command_hands_to_processes_is_found_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`python -m` runs a module called `__main__`, which a spawned process does not have."""
+    handed = []
+
+    def to_processes(count: int) -> Spread:
+        def spread(function: Any, calls: Sequence[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
+            handed.append(pickle.dumps((function, list(calls))))
+            return iter(())
+
+        return spread
+
+    monkeypatch.setattr(spread, "on_processes", to_processes)
+    monkeypatch.setattr(
+        sys, "argv", ["worker.deflector", "--designs", "3", "--initial", "3", "--processes", "2"]
+    )
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_module("worker.deflector", run_name="__main__", alter_sys=True)
+    assert ended.value.code == 1  # no charge came to an end
+    assert handed and all(b"__main__" not in each for each in handed)
 
 
 @pytest.mark.parametrize(
