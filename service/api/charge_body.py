@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.api.study_parts import STRICT, ModelVersion, Moisture
-from service.domain.charge import ChargeRequest, ChargeSpec, SetSource
+from service.domain.charge import LONGEST_HOURS, ChargeRequest, ChargeSpec, SetSource
 from service.domain.errors import InvalidValue
 from service.domain.model_use import ModelUse
 
@@ -79,6 +79,9 @@ class ChargeBody(BaseModel):
         dict[str, SetBody],
         Field(description="contact numbers by material, or under `all`; the paper's where left out"),
     ] = {}
+    longest_hours: Annotated[
+        float, Field(description="a charge that would take longer is refused before it starts")
+    ] = LONGEST_HOURS
     model_version: ModelVersion = None
     moisture_percent: Moisture = 0.0
 
@@ -107,7 +110,7 @@ class ChargeBody(BaseModel):
         sources = {
             name: SetSource(body.values, body.study, body.members) for name, body in self.parameters.items()
         }
-        return ChargeRequest(spec, tuple(self.seeds), sources, geometries)
+        return ChargeRequest(spec, tuple(self.seeds), sources, geometries, self.longest_hours)
 
 
 def _geometry(part: str, row: dict[str, float | str]) -> tuple[int, str, str]:

@@ -136,6 +136,11 @@ def fetch(client: Client, item: Mapping[str, Any], folder: Path) -> dict[str, Pa
 @click.option("--seeds", type=click.IntRange(1, 50), default=1, help="so many charges, from --seed on")
 @click.option("--plant", help="what differs from the shipped plant: TOML or JSON file, or JSON")
 @click.option("--parameters", help="contact numbers by material, or of studies: JSON file, or JSON")
+@click.option(
+    "--longest-hours",
+    type=float,
+    help="refuse what would take longer, before it starts [default: the service's, 24]",
+)
 @click.option("--model-version", help="the model that a diagnosis extended [default: the baseline]")
 @click.option("--moisture-percent", type=float, help="of the burden; only a version's cohesion feels it")
 @click.option(
@@ -149,14 +154,14 @@ def charge_command(
     plant: str | None,
     parameters: str | None,
     out: Path,
-    **model: object,
+    **more: object,
 ) -> int:
     """Charge the hopper with MATERIAL (coke or iron), live, and keep the report and its files."""
     body: dict[str, Any] = {
         "charge": material,
         "scale": scale,
         "seeds": list(range(seed, seed + seeds)),
-        **{name: value for name, value in model.items() if value is not None},
+        **{name: value for name, value in more.items() if value is not None},
     }
     if plant is not None:
         body["plant"] = read_object(plant, "--plant")

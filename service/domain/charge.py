@@ -31,6 +31,8 @@ MeshFile = Callable[[str], Path]
 # Charges that one request may ask for: seeds times sets of contact numbers.
 MOST_RUNS = 50
 SHORTEST_FRAME, LONGEST_FRAME = 0.05, 1000.0
+# Half the scale takes sixteen times as long, so a slip of the pen may ask for years: days must be asked for.
+LONGEST_HOURS, MOST_HOURS = 24.0, 8760.0
 
 
 @dataclass(frozen=True)
@@ -164,14 +166,18 @@ class SetSource:
 @dataclass(frozen=True)
 class ChargeRequest:
     """What one request asks for: a charge for every seed and every set of contact numbers. `spec` is what they
-    share; `geometries` are uploaded meshes with their unit and up axis, by part."""
+    share; `geometries` are uploaded meshes with their unit and up axis, by part. A charge that is expected to take
+    longer than `longest_hours` is refused."""
 
     spec: ChargeSpec
     seeds: tuple[int, ...] = (1,)
     sources: Mapping[str, SetSource] = field(default_factory=dict)
     geometries: Mapping[str, tuple[int, str, str]] = field(default_factory=dict)
+    longest_hours: float = LONGEST_HOURS
 
     def __post_init__(self) -> None:
+        if not 0.0 < self.longest_hours <= MOST_HOURS:
+            raise InvalidValue("longest_hours", self.longest_hours, f"above 0, at most {MOST_HOURS:g}")
         if not self.seeds or len(set(self.seeds)) < len(self.seeds):
             raise InvalidValue("seeds", list(self.seeds), "at least one, each once")
         members = {source.members for source in self.sources.values() if source.study is not None}

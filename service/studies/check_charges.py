@@ -6,6 +6,7 @@ machine: who stores them does so afterwards, or every other writer would wait fo
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,10 +33,11 @@ def check_charges(session: Session, request: ChargeRequest, mesh_file: MeshFile)
     """One for every seed and set of contact numbers. `mesh_file` gives uploaded meshes.
 
     Raises InvalidValue for a plant that cannot be charged, a mass that does not fit, numbers that the contact
-    model does not take, a study, a geometry or a model version that is not there or does not fit.
+    model does not take, a study, a geometry or a model version that is not there or does not fit, and for a charge
+    that would take longer than the request allows.
     """
     specs = _specs(session, request, mesh_file)
-    return [CheckedCharge(spec, _cost(session, spec, mesh_file)) for spec in specs]
+    return [CheckedCharge(spec, _cost(session, spec, mesh_file, request.longest_hours)) for spec in specs]
 
 
 def _specs(session: Session, request: ChargeRequest, mesh_file: MeshFile) -> list[ChargeSpec]:
@@ -57,9 +59,12 @@ def _meshes(session: Session, request: ChargeRequest) -> dict[str, PartMesh]:
     return meshes
 
 
-def _cost(session: Session, spec: ChargeSpec, mesh_file: MeshFile) -> dict[str, Any]:
+def _cost(session: Session, spec: ChargeSpec, mesh_file: MeshFile, longest_hours: float) -> dict[str, Any]:
     """What it will take, and the proof that it can be run: the very test of the worker is made here."""
     cost = charge_cost(charge_test(spec, mesh_file), expected_rate(session, spec))
+    if cost.seconds > 3600.0 * longest_hours:
+        needed = f"{math.ceil(cost.seconds / 3600.0)} or more for this charge: {cost.sentence()}"
+        raise InvalidValue("longest_hours", longest_hours, needed)
     return {
         "particles": cost.particles,
         "steps": cost.steps,

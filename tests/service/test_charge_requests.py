@@ -61,9 +61,31 @@ def test_each_seed_is_a_charge_of_one_series(client: TestClient) -> None:
 
 
 def test_a_charge_that_would_take_days_says_so_before_it_starts(client: TestClient) -> None:
-    (item,) = posted(client, charge="iron", scale=1.0)["items"]
-    assert "THAT IS DAYS" in item["cost"]["text"]
+    refused = client.post("/v1/charges", json={"charge": "iron", "scale": 1.0})
+    assert refused.status_code == 422
+    (error,) = refused.json()["errors"]
+    assert error["field"] == "longest_hours" and error["value"] == 24.0
+    assert "THAT IS DAYS" in error["allowed"]
+    assert client.get("/v1/charges").json()["items"] == []
+    (item,) = posted(client, charge="iron", scale=1.0, longest_hours=8760.0)["items"]
     assert item["cost"]["seconds"] > 86_400.0
+
+
+@pytest.mark.parametrize("hours", [0.0, -1.0, 8761.0])
+def test_hours_that_no_charge_may_take_are_refused(client: TestClient, hours: float) -> None:
+    answer = client.post("/v1/charges", json={"charge": "coke", "longest_hours": hours})
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "longest_hours"
+
+
+def test_what_is_short_enough_by_a_hair_is_taken_and_the_estimate_is_refused_alike(
+    client: TestClient,
+) -> None:
+    body = {"charge": "coke", "scale": 8.0}
+    hours = client.post("/v1/charges/estimate", json=body).json()["seconds"] / 3600.0
+    short = client.post("/v1/charges/estimate", json=body | {"longest_hours": 0.999 * hours})
+    assert short.status_code == 422 and short.json()["errors"][0]["field"] == "longest_hours"
+    assert posted(client, **body, longest_hours=1.001 * hours)["items"][0]["scale"] == 8.0
 
 
 def test_the_next_charge_is_told_by_the_rate_of_the_last(
