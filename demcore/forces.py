@@ -49,7 +49,9 @@ class Neighbours(NamedTuple):
     history                (blocks * HISTORY_WIDTH * LANES,), number c of a block's lane b at [c * LANES + b]
     near_start (S + 1,)    first near pair of each slab; near_owner, near_partner, wake (m), awake (a list's room)
     way (S,)               half of what two particles of a slab and the next may have come closer since the search
-    travel (S,)            bound on a particle's way since the search; stride (S,) on its last step. All in m
+    stride (S,)            bound on a particle's way in the last step, m
+    home (N, 4)            where each particle was at the search, m, and the square of how far from there its pairs
+                           are known, m2; strayed (S,) 1 when a particle of the slab is farther: a search must come
     full (S,)              1 when a slab had no slot left for a new contact: a search must come first
     """
 
@@ -72,8 +74,9 @@ class Neighbours(NamedTuple):
     wake: Floats
     awake: NDArray[np.int32]
     way: Floats
-    travel: Floats
     stride: Floats
+    home: Floats
+    strayed: NDArray[np.uint8]
     full: NDArray[np.uint8]
 
 

@@ -1,7 +1,8 @@
 """Cells by size level, so that small particles are searched in small cells whatever the size ratio.
 
-Notation: r radius; skin extra reach, m; level l holds radii in (r_max 2^-(l+1), r_max 2^-l]; the owner of a
-pair is the lower index.
+Notation: reach R radius and halo, m, of a particle: a pair is listed whose reaches overlap; level l holds reaches
+in (R_max 2^-(l+1), R_max 2^-l], so that a fast particle is searched like a large one; the owner of a pair is the
+lower index.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from demcore.dormant import AWAKE
 from demcore.jit import kernel
-from demcore.particles import Floats, R, X, Z
+from demcore.particles import Floats, X, Z
 
 Integers = NDArray[np.int64]
 
@@ -54,21 +55,20 @@ def bin_particles(state: Floats, cell_of: Integers, grid: Grid) -> None:
         fill[cell_of[i]] += 1
 
 
-def build_grid(state: Floats, skin: float) -> Grid:
+def build_grid(state: Floats, reach: Floats) -> Grid:
     """Bin particles by size level; see `Grid`."""
-    radius = state[:, R]
-    largest, smallest = float(radius.max()), float(radius.min())
+    largest, smallest = float(reach.max()), float(reach.min())
     levels = int(np.floor(np.log2(largest / smallest) + 1e-9)) + 1
-    level = np.minimum(np.floor(np.log2(largest / radius) + 1e-9).astype(np.int64), levels - 1)
+    level = np.minimum(np.floor(np.log2(largest / reach) + 1e-9).astype(np.int64), levels - 1)
     biggest: Floats = largest * 0.5 ** np.arange(levels, dtype=np.float64)
-    # The level is computed with a tolerance, so a radius may exceed its level's bound by rounding.
+    # The level is computed with a tolerance, so a reach may exceed its level's bound by rounding.
     biggest *= 1.0 + 1e-6
-    size: Floats = 2.0 * biggest + skin
+    size: Floats = 2.0 * biggest
     position = state[:, X : Z + 1]
     origin = position.min(axis=0)
     extent = position.max(axis=0) - origin
     # Few cells when particles are spread over a large box: memory stays linear in their number.
-    most = CELLS_PER_PARTICLE * len(radius) + 4096
+    most = CELLS_PER_PARTICLE * len(reach) + 4096
     for k in range(levels):
         while np.prod(np.floor(extent / size[k]) + 1.0) > most:
             size[k] *= 1.26
@@ -76,9 +76,9 @@ def build_grid(state: Floats, skin: float) -> Grid:
     cells = dims.prod(axis=1)
     offset = np.concatenate([[0], np.cumsum(cells)[:-1]]).astype(np.int64)
     start = np.zeros(int(cells.sum()) + 1, np.int64)
-    item = np.empty(len(radius), np.int32)
+    item = np.empty(len(reach), np.int32)
     grid = Grid(level, biggest, size, dims, offset, origin, start, item)
-    bin_particles(state, np.empty(len(radius), np.int64), grid)
+    bin_particles(state, np.empty(len(reach), np.int64), grid)
     return grid
 
 
@@ -87,9 +87,9 @@ def find_partners(
     first: int,
     last: int,
     state: Floats,
+    reach: Floats,
     mode: NDArray[np.uint8],
     grid: Grid,
-    skin: float,
     found: NDArray[np.int32],
     count: Integers,
 ) -> tuple[int, int, int]:
@@ -101,21 +101,21 @@ def find_partners(
     total = touching = still = 0
     for i in range(first, last):
         before = total
-        x, y, z, r = state[i, 0], state[i, 1], state[i, 2], state[i, 3]
+        x, y, z, r, own = state[i, 0], state[i, 1], state[i, 2], state[i, 3], reach[i]
         for level in range(len(grid.size)):
-            reach = r + grid.largest[level] + skin
+            farthest = own + grid.largest[level]
             inverse = 1.0 / grid.size[level]
             dx, dy, dz = x - grid.origin[0], y - grid.origin[1], z - grid.origin[2]
             nx, ny, nz = grid.dims[level, 0], grid.dims[level, 1], grid.dims[level, 2]
             for cx in range(
-                max(0, int((dx - reach) * inverse)), min(nx - 1, int((dx + reach) * inverse)) + 1
+                max(0, int((dx - farthest) * inverse)), min(nx - 1, int((dx + farthest) * inverse)) + 1
             ):
                 for cy in range(
-                    max(0, int((dy - reach) * inverse)), min(ny - 1, int((dy + reach) * inverse)) + 1
+                    max(0, int((dy - farthest) * inverse)), min(ny - 1, int((dy + farthest) * inverse)) + 1
                 ):
                     row = grid.offset[level] + (cx * ny + cy) * nz
-                    z0 = max(0, int((dz - reach) * inverse))
-                    z1 = min(nz - 1, int((dz + reach) * inverse))
+                    z0 = max(0, int((dz - farthest) * inverse))
+                    z1 = min(nz - 1, int((dz + farthest) * inverse))
                     # Cells along z lie side by side: one run of items.
                     for q in range(grid.start[row + z0], grid.start[row + z1 + 1]):
                         j = grid.item[q]
@@ -123,11 +123,12 @@ def find_partners(
                             continue
                         ax, ay, az = x - state[j, 0], y - state[j, 1], z - state[j, 2]
                         squared = ax * ax + ay * ay + az * az
-                        limit = r + state[j, 3]
-                        if squared < (limit + skin) * (limit + skin):
+                        known = own + reach[j]
+                        if squared < known * known:
                             if total < len(found):
                                 found[total] = j
                             total += 1
+                            limit = r + state[j, 3]
                             if squared < limit * limit:
                                 touching += 1
                                 still += 1 if mode[i] != AWAKE and mode[j] != AWAKE else 0

@@ -36,27 +36,33 @@ def body(state: Floats, i: int) -> Body:
 
 
 @kernel
-def move(first: int, last: int, particles: Particles, field: Any, gravity: Floats, dt: float) -> float:
-    """Move particles first to last - 1 by one step; the longest way one of them went, m (NaN: not finite)."""
+def move(
+    first: int, last: int, particles: Particles, home: Floats, field: Any, gravity: Floats, dt: float
+) -> tuple[float, bool]:
+    """Move particles first to last - 1 by one step; the longest way one of them went, m (NaN: not finite), and
+    whether one is farther from home than its pairs are known."""
     state, force = particles.state, particles.force
     fastest = 0.0
     finite = True
+    strayed = False
     for i in range(first, last):
         by_mass = dt / state[i, 7]
         by_inertia = dt / state[i, 11]
-        squared = 0.0
+        squared = away = 0.0
         push = field_wrench(field, body(state, i))
         for c in range(3):
             state[i, 4 + c] += (force[i, c] + push.force[c]) * by_mass + gravity[c] * dt
             state[i, 8 + c] += (force[i, 3 + c] + push.torque[c]) * by_inertia
             state[i, c] += state[i, 4 + c] * dt
             squared += state[i, 4 + c] * state[i, 4 + c]
+            away += (state[i, c] - home[i, c]) * (state[i, c] - home[i, c])
             force[i, c] = 0.0
             force[i, 3 + c] = 0.0
         fastest = max(fastest, squared)
+        strayed = strayed or not away <= home[i, 3]
         # Only NaN differs from itself.
         finite = finite and squared == squared
-    return math.sqrt(fastest) * dt if finite else np.nan
+    return math.sqrt(fastest) * dt if finite else np.nan, strayed
 
 
 @leaf
@@ -89,14 +95,15 @@ def move_watched(
     field: Any,
     gravity: Floats,
     dt: float,
-) -> float:
+) -> tuple[float, bool]:
     """`move` for a slab of a run with dormancy: who is awake moves, and is watched for calm; who is not is held,
     and judged. One that wakes moves from the next step on, when all of its contacts are computed again."""
-    state, force = particles.state, particles.force
+    state, force, home = particles.state, particles.force, lists.home
     mode, calm = dormant.state, dormant.calm
     slowest, gained = dormant.limits[SPEED], dormant.limits[FORCE] * dt
     fastest = 0.0
     finite = True
+    strayed = False
     woke = 0
     for i in range(lists.slab_start[slab], lists.slab_start[slab + 1]):
         push = field_wrench(field, body(state, i))
@@ -109,7 +116,7 @@ def move_watched(
             continue
         by_mass = dt / state[i, 7]
         by_inertia = dt / state[i, 11]
-        squared = spun = pulled = twisted = 0.0
+        squared = spun = pulled = twisted = away = 0.0
         for c in range(3):
             gain = (force[i, c] + push.force[c]) * by_mass + gravity[c] * dt
             turn = (force[i, 3 + c] + push.torque[c]) * by_inertia
@@ -117,11 +124,13 @@ def move_watched(
             state[i, 8 + c] += turn
             state[i, c] += state[i, 4 + c] * dt
             squared += state[i, 4 + c] * state[i, 4 + c]
+            away += (state[i, c] - home[i, c]) * (state[i, c] - home[i, c])
             spun += state[i, 8 + c] * state[i, 8 + c]
             pulled, twisted = pulled + gain * gain, twisted + turn * turn
             force[i, c] = 0.0
             force[i, 3 + c] = 0.0
         fastest = max(fastest, squared)
+        strayed = strayed or not away <= home[i, 3]
         # Only NaN differs from itself.
         finite = finite and squared == squared
         r = state[i, 3]
@@ -130,7 +139,7 @@ def move_watched(
         balanced = pulled <= gained * gained and 0.16 * r * r * twisted <= gained * gained
         calm[i] = calm[i] + 1 if slow and balanced else 0
     lists.woke[slab] += woke
-    return math.sqrt(fastest) * dt if finite else np.nan
+    return math.sqrt(fastest) * dt if finite else np.nan, strayed
 
 
 @kernel
@@ -143,12 +152,15 @@ def move_slab(
     gravity: Floats,
     dt: float,
 ) -> None:
-    """Move the particles of a slab, and note the longest way of one."""
+    """Move the particles of a slab, and note the longest way of one and whether one has strayed."""
     if len(dormant.limits) > 0:
-        lists.stride[slab] = move_watched(slab, particles, lists, dormant, field, gravity, dt)
+        stride, strayed = move_watched(slab, particles, lists, dormant, field, gravity, dt)
     else:
         first, last = lists.slab_start[slab], lists.slab_start[slab + 1]
-        lists.stride[slab] = move(first, last, particles, field, gravity, dt)
+        stride, strayed = move(first, last, particles, lists.home, field, gravity, dt)
+    lists.stride[slab] = stride
+    if strayed:
+        lists.strayed[slab] = 1
 
 
 @kernel
@@ -196,16 +208,15 @@ def finish_slabs(
 
 
 @kernel
-def is_stale(lists: Neighbours, skin: float) -> bool:
+def is_stale(lists: Neighbours) -> bool:
     """Count the ways of the last step; True when a particle may have left its neighbours' knowledge, or is lost
     (a position that is not finite), so that the search, which checks, comes next."""
     stale = False
     lists.fresh[0] = 0
     last = len(lists.stride) - 1
     for k in range(last + 1):
-        lists.travel[k] += lists.stride[k]
         lists.way[k] += max(lists.stride[k], lists.stride[min(k + 1, last)])
-        if not lists.travel[k] <= 0.5 * skin or lists.full[k] > 0:
+        if lists.strayed[k] > 0 or lists.full[k] > 0:
             stale = True
     return stale
 
@@ -232,7 +243,7 @@ def advance_serial(
     """Up to `steps` steps from step number `first` on, fewer when the neighbour list goes stale.
 
     Returns how many, and whether it did; a particle that goes through a wall counts as stale too, so that the
-    caller sees it at once. Half the skin is for the way of the walls, the other half for the particles'. The
+    caller sees it at once. Half the skin is for the way of the walls, beside what a particle may stray. The
     laws come one by one because a threaded loop takes no nested tuples.
     """
     model = ContactModel(normal, tangential, rolling, cohesion, field)
@@ -245,7 +256,7 @@ def advance_serial(
             if 2 * turn - 1 < count:
                 finish_slabs(turn, particles, lists, dormant, walls, near, model, tables, gravity, dt)
         way = place_walls(walls, (first + step + 1) * dt, dt)
-        if is_stale(lists, skin) or near.alarm[0] or not way <= 0.5 * skin:
+        if is_stale(lists) or near.alarm[0] or not way <= 0.5 * skin:
             return step + 1, True
     return steps, False
 
@@ -279,6 +290,6 @@ def advance_threaded(
             model = ContactModel(normal, tangential, rolling, cohesion, field)
             finish_slabs(turn, particles, lists, dormant, walls, near, model, tables, gravity, dt)
         way = place_walls(walls, (first + step + 1) * dt, dt)
-        if is_stale(lists, skin) or near.alarm[0] or not way <= 0.5 * skin:
+        if is_stale(lists) or near.alarm[0] or not way <= 0.5 * skin:
             return step + 1, True
     return steps, False

@@ -1,6 +1,7 @@
 """Neighbour search: sort along slabs and a Morton curve, list pairs within reach (grid.py), carry their history.
 
-Notation: skin extra reach, m; owner of a pair is the lower index; `mode` (N,) says who is dormant (dormant.py).
+Notation: skin extra reach of a pair at rest, m; owner of a pair is the lower index; `mode` (N,) says who is
+dormant (dormant.py).
 """
 
 from __future__ import annotations
@@ -16,14 +17,32 @@ from demcore.dormant import AWAKE, Dormant, is_calm
 from demcore.forces import Neighbours, begin_contact, history_at
 from demcore.grid import Grid, build_grid, find_partners
 from demcore.jit import kernel, leaf, parallel_kernel, prange
-from demcore.particles import Floats, Particles, R, X, Z
+from demcore.particles import VX, VZ, Floats, Particles, R, X, Z
 from demcore.wrench import HISTORY_WIDTH, OVERLAP, Tables
 
 Integers = NDArray[np.int64]
 
 MOST_SLABS = 64
+# So many steps at most do the fast ones among slow ones look ahead: a search, which costs some 20, is cheap then.
+LONGEST_LOOK = 200
+# This share of the particles are slow: they move half a skin in the time that the others look ahead.
+SLOW_SHARE = 0.9
 # One in so many near pairs may touch before the next search without calling for an early one.
 NEAR_THAT_MEET = 4
+
+
+def reaches(state: Floats, skin: float, dt: float) -> Floats:
+    """Radius and halo (N,), m: a pair is listed whose reaches overlap, so a particle may go as far as its halo
+    before a search is due. The halo is half the skin and what the particle goes at its present speed until most
+    others have gone half the skin: a few fast ones (a jet over a bed at rest) do not call for a search of all."""
+    speed = np.sqrt((state[:, VX : VZ + 1] ** 2).sum(axis=1))
+    half, radius = 0.5 * skin, state[:, R]
+    k = int(SLOW_SHARE * (len(speed) - 1))
+    way = float(np.partition(speed, k)[k]) * dt
+    steps = min(LONGEST_LOOK, half / way) if way > 0.0 else LONGEST_LOOK
+    # A stray bullet must not make slabs and cells as wide as the plant.
+    reached: Floats = radius + half + np.minimum(speed * (steps * dt), radius.max())
+    return reached
 
 
 def slab_bounds(sorted_position: Floats, width: float) -> Floats:
@@ -61,12 +80,13 @@ def spatial_keys(position: Floats, slab: Integers, origin: Floats, cell: float) 
     return keys
 
 
-def spatial_order(position: Floats, radius: Floats, skin: float) -> tuple[Integers, Integers]:
-    """Order of the particles along slabs and a Morton curve, and the slabs' first particles (S + 1,)."""
+def spatial_order(position: Floats, radius: Floats, widest: float) -> tuple[Integers, Integers]:
+    """Order of the particles along slabs and a Morton curve, and the slabs' first particles (S + 1,). `widest`:
+    the longest distance of a pair that is listed, m."""
     lowest = position.min(axis=0)
     axis = int(np.argmax(position.max(axis=0) - lowest))
     along = position[:, axis]
-    bounds = slab_bounds(np.sort(along), 2.0 * float(radius.max()) + skin)
+    bounds = slab_bounds(np.sort(along), widest)
     slab = np.searchsorted(bounds, along, side="right") - 1
     # Stable and nearly sorted input: timsort makes the repeated sort cheap.
     keys = spatial_keys(position, slab, lowest, 2.0 * float(radius.mean()))
@@ -225,7 +245,8 @@ def room_for(slabs: Integers, pairs: Integers, touching: Integers, still: Intege
         np.empty(rest, np.int32),
         np.zeros(count),
         np.zeros(count),
-        np.zeros(count),
+        np.zeros((int(slabs[-1]), 4)),
+        np.zeros(count, np.uint8),
         np.zeros(count, np.uint8),
     )
 
@@ -239,9 +260,9 @@ def empty_neighbours(count: int) -> Neighbours:
 def _find_all(
     slabs: Integers,
     state: Floats,
+    reach: Floats,
     mode: NDArray[np.uint8],
     grid: Grid,
-    skin: float,
     room: int,
     found: Any,
     count: Integers,
@@ -252,7 +273,7 @@ def _find_all(
     for k in prange(len(slabs) - 1):
         out = found[slabs[k] * room : slabs[k + 1] * room]
         needed[k], touching[k], still[k] = find_partners(
-            slabs[k], slabs[k + 1], state, mode, grid, skin, out, count
+            slabs[k], slabs[k + 1], state, reach, mode, grid, out, count
         )
 
 
@@ -279,25 +300,28 @@ _SEARCH: dict[bool, tuple[Any, Any]] = {
 
 
 class Arranged(NamedTuple):
-    """Particles in the order of slabs and a Morton curve; order (N,) are their rows before; slabs (S + 1,)."""
+    """Particles in the order of slabs and a Morton curve; order (N,) are their rows before; slabs (S + 1,);
+    reach (N,), m, up to where each is to be listed."""
 
     particles: Particles
     order: Integers
     slabs: Integers
+    reach: Floats
 
 
-def arrange(particles: Particles, skin: float, keep: NDArray[np.bool_] | None = None) -> Arranged:
+def arrange(particles: Particles, skin: float, dt: float, keep: NDArray[np.bool_] | None = None) -> Arranged:
     """Sort the particles, those in `keep` (N,); the forces, which are zero between steps, are not carried."""
     alive = np.arange(len(particles.number)) if keep is None else np.flatnonzero(keep)
     if len(alive) == 0:
-        return Arranged(forget_all(particles), alive, np.array([0, 0]))
-    position, radius = particles.state[alive, X : Z + 1], particles.state[alive, R]
-    order, slabs = spatial_order(position, radius, skin)
-    order = alive[order]
+        return Arranged(forget_all(particles), alive, np.array([0, 0]), np.zeros(0))
+    state = particles.state[alive]
+    reach = reaches(state, skin, dt)
+    order, slabs = spatial_order(state[:, X : Z + 1], state[:, R], 2.0 * float(reach.max()))
+    reach, order = reach[order], alive[order]
     count = len(order)
     force = particles.force[:count] if len(particles.force) >= count else np.zeros((count, 6))
     fresh = Particles(particles.state[order], force, particles.material[order], particles.number[order])
-    return Arranged(fresh, order, slabs)
+    return Arranged(fresh, order, slabs, reach)
 
 
 def list_pairs(
@@ -305,26 +329,26 @@ def list_pairs(
     carried: Carried,
     mode: NDArray[np.uint8],
     tables: Tables,
-    skin: float,
     threaded: bool = False,
 ) -> Neighbours:
-    """All pairs within reach + skin, with the histories of those that touched; the same bits on threads."""
-    particles, order, slabs = arranged
+    """All pairs whose reaches overlap, with the histories of those that touched; the same bits on threads."""
+    particles, order, slabs, reach = arranged
     state = particles.state
     if len(state) == 0:
         return empty_neighbours(0)
     find_all, fill_all = _SEARCH[threaded]
-    grid = build_grid(state, skin)
+    grid = build_grid(state, reach)
     count = np.zeros(len(state), np.int64)
     needed, touching, still = np.zeros((3, len(slabs) - 1), np.int64)
     room = 8
     while True:
         found = np.empty(len(state) * room, np.int32)
-        find_all(slabs, state, mode, grid, skin, room, found, count, needed, touching, still)
+        find_all(slabs, state, reach, mode, grid, room, found, count, needed, touching, still)
         if (needed <= np.diff(slabs) * room).all():
             break
         room *= 2
     del grid
     new = room_for(slabs, needed, touching, still)
     fill_all(room, found, count, particles, mode, order, carried, new, tables)
+    new.home[:, :3], new.home[:, 3] = state[:, X : Z + 1], (reach - state[:, R]) ** 2
     return new

@@ -187,18 +187,18 @@ class Simulation:
         carried = carry(self.neighbours)
         # Old particles and the old list go before the new list comes: together they would be the peak of memory.
         self.neighbours = empty_neighbours(0)
-        arranged = arrange(self.particles, self.skin, keep)
+        arranged = arrange(self.particles, self.skin, self.dt, keep)
         self.particles = arranged.particles
+        # A wall may go half a skin before the next search.
+        reach = arranged.reach + 0.5 * self.skin
         self.near_walls = list_walls(
-            self.particles.state, self.walls, self.skin, self.step, self.dt, arranged.order, self.near_walls
+            self.particles.state, reach, self.walls, self.step, self.dt, arranged.order, self.near_walls
         )
         self._check_walls()
         self.dormant = reordered(self.dormant, arranged.order)
         if self.dormancy is not None:
             self._let_fall_dormant()
-        self.neighbours = list_pairs(
-            arranged, carried, self.dormant.state, self._tables, self.skin, self.threaded
-        )
+        self.neighbours = list_pairs(arranged, carried, self.dormant.state, self._tables, self.threaded)
         self.searches += 1
         self.stale = False
 

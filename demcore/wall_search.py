@@ -38,13 +38,13 @@ def with_room(slots: Integers, total: int) -> Integers:
 
 
 @kernel
-def collect_slots(state: Floats, walls: Walls, skin: float, step: int, dt: float) -> Integers:
-    """(K, 3) rows particle, wall, triangle (-1: analytic) of all that is within r + skin, in that order."""
+def collect_slots(state: Floats, reaches: Floats, walls: Walls, step: int, dt: float) -> Integers:
+    """(K, 3) rows particle, wall, triangle (-1: analytic) of all that is within reach (N,), in that order."""
     slots = np.empty((256, 3), np.int64)
     total = 0
     present = [is_present(walls, w, step, dt) for w in range(len(walls.kind))]
     for i in range(len(state)):
-        x, y, z, reach = state[i, 0], state[i, 1], state[i, 2], state[i, 3] + skin
+        x, y, z, reach = state[i, 0], state[i, 1], state[i, 2], reaches[i]
         for w in range(len(walls.kind)):
             if not present[w]:
                 continue
@@ -90,13 +90,14 @@ def carry_wall_histories(near: WallList, order: Integers, old: WallList) -> None
 
 
 def list_walls(
-    state: Floats, walls: Walls, skin: float, step: int, dt: float, order: Integers, old: WallList
+    state: Floats, reach: Floats, walls: Walls, step: int, dt: float, order: Integers, old: WallList
 ) -> WallList:
-    """Walls present at `step` within reach + skin of each particle, and the poses as home of this list.
+    """Walls present at `step` within the reach (N,), m, of each particle: its radius and what it and the wall may
+    go before the next list; and the poses as home of this list.
 
     `order` (N,) are the particles' rows at the search before, whose list is `old`.
     """
-    slots = collect_slots(state, walls, skin, step, dt)
+    slots = collect_slots(state, reach, walls, step, dt)
     owner, start = np.unique(slots[:, 0], return_index=True)
     total = len(slots)
     near = WallList(
@@ -112,7 +113,7 @@ def list_walls(
         alarm=np.zeros(1, np.bool_),
     )
     carry_wall_histories(near, order, old)
-    set_home(walls, state, skin)
+    set_home(walls, state, reach)
     return near
 
 

@@ -48,9 +48,6 @@ BELOW, AROUND = 0.5, 1.0
 # With the paper's soft 1e7 Pa a grain of 10 mm between steel and one of 80 mm that falls 2.5 m is squeezed through
 # the sheet: its spring can store a tenth of the energy, at any scale. One in a hundred may.
 MAY_SQUEEZE = 0.01
-# The jet falls at 7 m/s past a few hundred grains, so a search is due every few milliseconds and costs as much as
-# the steps between: at scale 10 a skin of 3 smallest radii took 125 us a step where .5 took 170 (one loaded core).
-SKIN_SHARE = 3.0
 KG_S_PER_T_H = 1000.0 / 3600.0
 LINER = "liner"
 
@@ -103,9 +100,7 @@ class ChargeTest:
     time_step: str = "fast"
     time_step_factor: float = 1.0
     dormancy: Dormancy | None = field(default_factory=Dormancy)
-    numerics: Numerics = field(
-        default_factory=lambda: Numerics(may_squeeze=MAY_SQUEEZE, skin_share=SKIN_SHARE)
-    )
+    numerics: Numerics = field(default_factory=lambda: Numerics(may_squeeze=MAY_SQUEEZE))
     water: Water | None = None
     air: Air | None = None
     liner_friction_added: float = 0.0

@@ -15,7 +15,7 @@ from demcore.experiments.charge_cost import Cost, Rate, charge_cost
 from demcore.experiments.charge_result import ChargeResult, measure_charge
 from demcore.experiments.charge_run import ChargePlan
 from demcore.geometry.walls import Wall
-from demcore.plant import jet
+from demcore.neighbours import LONGEST_LOOK
 from demcore.region import cylinder
 from demcore.run import OnProgress, Recorder, drive
 
@@ -46,12 +46,10 @@ def run_charge(
 def estimate_cost(test: ChargeTest, rate: Rate | None = None) -> Cost:
     """What the charge costs at `rate`, by default measured now.
 
-    While the jet falls, its fastest grains cross half the skin in a few steps, and then all are searched anew.
+    While the jet falls, a search is due when its grains have gone as far as they looked ahead, and often before:
+    when grains are born, and when one is hit. Iron at scales 4 and 10 had 1.4 and 1.8 in the time looked ahead.
     """
-    start = jet.release(test.plant.belt)
-    fastest = math.sqrt(test.plant.belt.speed**2 + 2.0 * 9.81 * (start.z - test.plant.deflector.ridge_height))
-    half_skin = 0.5 * test.numerics.skin_share * test.case.smallest_radius
-    searches = math.ceil(test.charge.duration * fastest / half_skin)
+    searches = math.ceil(2.0 * test.charge.duration / (LONGEST_LOOK * test.case.dt))
     return charge_cost(test, measure_rate(test) if rate is None else rate, searches)
 
 

@@ -185,11 +185,11 @@ def place_all(walls: Walls, time: float) -> None:
 
 
 @kernel
-def set_home(walls: Walls, state: Floats, skin: float) -> None:
+def set_home(walls: Walls, state: Floats, reaches: Floats) -> None:
     """Remember the poses of a search, and how far from each pivot a particle can meet the wall before the next.
 
-    A wall point that touches a particle before the list is stale is within |x - pivot| + r + skin of the pivot,
-    both taken now: particle and wall travel half a skin each.
+    A wall point that touches a particle before the list is stale is within |x - pivot| + reach of the pivot, both
+    taken now: its reach (N,), m, holds its radius and what particle and wall may go until then.
     """
     for w in range(len(walls.kind)):
         for c in range(3):
@@ -203,7 +203,7 @@ def set_home(walls: Walls, state: Floats, skin: float) -> None:
                 for c in range(3):
                     away = state[i, c] - walls.pose[w, PIVOT_NOW + c]
                     squared += away * away
-                reach = max(reach, math.sqrt(squared) + state[i, 3] + skin)
+                reach = max(reach, math.sqrt(squared) + reaches[i])
         walls.home[w, REACH] = min(reach, walls.shape[w, EXTENT])
 
 

@@ -106,15 +106,14 @@ def test_an_inlet_inside_the_belt_is_refused_before_anything_runs():
 
 
 def test_the_cost_counts_grains_from_when_they_come():
-    """Half of 72 s and all of 10 s. The jet falls 2.5 m to the ridge, at 7.2 m/s, and crosses half a
-    skin of three of the smallest radii, 20 mm, in 4.2 ms."""
+    """Half of 72 s and all of 10 s. While the jet falls a search comes every hundred steps."""
     test = charge_test()
     cost = estimate_cost(test, Rate(1e6, 1e-3, 600))
     assert cost.steps == math.ceil(82.0 / test.case.dt)
     assert cost.particle_steps == pytest.approx(
         test.expected_particles * (36.0 + 10.0) / test.case.dt, rel=1e-6
     )
-    assert cost.searches == pytest.approx(72.0 * 7.2 / 0.030, rel=0.01)
+    assert cost.searches == pytest.approx(72.0 / (100.0 * test.case.dt), rel=0.01)
     assert cost.seconds == pytest.approx(
         cost.particle_steps / 1e6 + cost.searches * 1e-3 * cost.present / 600
     )

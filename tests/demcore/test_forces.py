@@ -77,9 +77,9 @@ def one_at_a_time(model, particles, tables, steps):
 def test_blocks_give_the_sum_of_the_laws_one_contact_at_a_time(model):
     tables = material_tables(*TABLE.arrays())
     bed = moving_cloud(150)
-    arranged = arrange(bed, 0.002)
+    arranged = arrange(bed, 0.002, DT)
     particles, nobody = arranged.particles, nobody_dormant(150)
-    lists = list_pairs(arranged, carry(empty_neighbours(150)), nobody.state, tables, 0.002)
+    lists = list_pairs(arranged, carry(empty_neighbours(150)), nobody.state, tables)
     assert lists.used.sum() > 3 * LANES
     for _ in range(3):
         for slab in range(len(lists.used)):

@@ -10,13 +10,15 @@ from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.forces import touching_contacts
 from demcore.geometry.wall_arrays import wall_arrays
 from demcore.geometry.walls import Wall
-from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs
-from demcore.particles import spheres
+from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs, reaches
+from demcore.particles import VX, VZ, R, spheres
 from demcore.wall_list import empty_wall_list
 from demcore.wall_search import list_walls
 from demcore.wrench import HISTORY_WIDTH, material_tables
 
 TABLES = material_tables(*uniform_table(Stiffness(1e7, 0.25), Interaction(0.5, 0.5, 0.45, 0.1)).arrays())
+
+DT = 1e-4
 
 
 def cloud(seed: int, count: int, smallest: float, largest: float, size: float):
@@ -28,10 +30,8 @@ def cloud(seed: int, count: int, smallest: float, largest: float, size: float):
 
 def search(bed, before, skin, threaded=False):
     """Sorted particles, their list with the histories of the list before, and their rows before."""
-    arranged = arrange(bed, skin)
-    lists = list_pairs(
-        arranged, carry(before), np.zeros(len(arranged.order), np.uint8), TABLES, skin, threaded
-    )
+    arranged = arrange(bed, skin, DT)
+    lists = list_pairs(arranged, carry(before), np.zeros(len(arranged.order), np.uint8), TABLES, threaded)
     return arranged.particles, lists, arranged.order
 
 
@@ -80,8 +80,25 @@ def test_every_pair_is_found_once(threaded, count, smallest, largest, size):
     assert listed == len(pairs)
 
 
+@pytest.mark.parametrize("threaded", [False, True])
+def test_fast_particles_find_each_other_from_afar(threaded):
+    bed = cloud(3, 800, 0.005, 0.05, 0.6)
+    bed.state[:, VX : VZ + 1] = np.random.default_rng(4).normal(size=(800, 3)) * 5.0
+    bed.state[::2, VX : VZ + 1] *= 0.01
+    after, lists, _order = search(bed, empty_neighbours(800), 0.0015, threaded=threaded)
+    x, reach = after.state[:, :3], reaches(after.state, 0.0015, DT)
+    away = np.sqrt(((x[:, None] - x[None]) ** 2).sum(axis=2))
+    i, j = np.nonzero(np.triu(away < reach[:, None] + reach[None], k=1))
+    owner, partner, _slab = listed_pairs(lists)
+    assert sorted(zip(owner.tolist(), partner.tolist(), strict=True)) == sorted(
+        zip(i.tolist(), j.tolist(), strict=True)
+    )
+    assert len(owner) > len(brute_force(after, 0.0015))
+
+
 def test_a_pair_never_reaches_beyond_the_next_slab():
     bed = cloud(5, 3000, 0.005, 0.02, 1.0)
+    bed.state[::7, VX] = 2.0
     _after, lists, _order = search(bed, empty_neighbours(3000), 0.002)
     owner, partner, lister = listed_pairs(lists)
     slab = np.searchsorted(lists.slab_start, np.arange(3000), side="right") - 1
@@ -101,7 +118,7 @@ def test_histories_survive_a_new_order_and_turn_with_the_owner():
     bed = cloud(9, 400, 0.01, 0.03, 0.3)
     walls = wall_arrays([Wall("plane")])
     after, lists, order = search(bed, empty_neighbours(400), 0.003)
-    near = list_walls(after.state, walls, 0.003, 0, 1e-4, order, empty_wall_list())
+    near = list_walls(after.state, after.state[:, R] + 0.003, walls, 0, 1e-4, order, empty_wall_list())
     slots = used_slots(lists)
     # A value that is antisymmetric in the pair's names, as a force on the owner is.
     a, b = after.number[lists.owner[slots]] + 1.0, after.number[lists.partner[slots]] + 1.0
@@ -110,7 +127,8 @@ def test_histories_survive_a_new_order_and_turn_with_the_owner():
     shuffled = after.state.copy()
     shuffled[:, 0] = 0.3 - shuffled[:, 0]  # a mirror keeps all distances and turns the order round
     mirrored, again, order = search(after._replace(state=shuffled), lists, 0.003)
-    near_again = list_walls(mirrored.state, walls, 0.003, 0, 1e-4, order, near)
+    reach = mirrored.state[:, R] + 0.003
+    near_again = list_walls(mirrored.state, reach, walls, 0, 1e-4, order, near)
     owner, partner, history = touching_contacts(again)
     a, b = mirrored.number[owner] + 1.0, mirrored.number[partner] + 1.0
     assert len(owner) == len(slots) > 100

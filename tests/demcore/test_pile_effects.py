@@ -255,8 +255,9 @@ def test_a_slippery_base_keeps_less(ideal):
 
 
 def test_a_shaken_heap_is_flatter(ideal):
-    shaken = run_pile_test(with_effect(SMALL, "vibration", 1.5))
-    assert shaken.angle_deg < ideal.angle_deg - 2.0
+    # Ten seeds of this small heap read 12 to 21 degrees, and at 1.5 g hardly less; at 3 g six seeds read 2 to 6.
+    shaken = run_pile_test(with_effect(SMALL, "vibration", 3.0))
+    assert shaken.angle_deg < ideal.angle_deg - 4.0
     assert shaken.numbers["simulated_s"] - shaken.numbers["settled_at_s"] >= 1.0
 
 

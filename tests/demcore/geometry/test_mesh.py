@@ -71,7 +71,7 @@ def test_the_tree_finds_every_triangle_within_reach(count):
     walls = wall_arrays([Wall("plane", centre=(0, 0, -99)), Wall("mesh", mesh=mesh, centre=(0.5, 0, 0))])
     state = np.zeros((60, 12))
     state[:, :3], state[:, 3] = rng.normal(size=(60, 3)) * 1.5, rng.uniform(0.01, 0.4, 60)
-    slots = collect_slots(state, walls, 0.05, 0, 1e-3)
+    slots = collect_slots(state, state[:, 3] + 0.05, walls, 0, 1e-3)
     found = {(int(i), int(t)) for i, w, t in slots if w == 1}
     expected = {
         (i, t)

@@ -191,7 +191,7 @@ def test_the_way_since_the_last_search_bounds_every_point(wall):
     home = np.array([walls.pose[0, :3] + turn_to_world(walls.pose, 0, Vec3(*p)) for p in fixed])
     particles = np.zeros((4, 12))
     particles[:, :3], particles[:, 3] = home[:4] + 0.05, 0.1
-    set_home(walls, particles, skin)
+    set_home(walls, particles, particles[:, 3] + skin)
     # Those that can touch one of the particles before the list is stale.
     gap = np.sqrt(((home[:, None] - particles[None, :, :3]) ** 2).sum(axis=2)).min(axis=1)
     matter = gap < 0.1 + skin
@@ -214,7 +214,7 @@ def test_what_turns_in_place_has_no_way_to_go():
         Wall("plane", axis=(1, 0, 0), angular_velocity=(9.0, 0, 0), pivot=(0, 4.0, 0)),
     ):
         walls = wall_arrays([wall])
-        set_home(walls, particles, 0.1)
+        set_home(walls, particles, particles[:, 3] + 0.1)
         place_walls(walls, 0.3, 1e-3)
         assert way_of(walls, 0) < 1e-15
 
