@@ -1,11 +1,12 @@
 """`talus charge`: charges of the hopper through the service, from the request to the report on this disk.
 
-It uses the service that runs on the data folder, or starts one for as long as the charges take.
+It uses the service that runs on the data folder, or starts one on all cores for as long as the charges take.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import time
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -48,10 +49,21 @@ def _plain(value: Any) -> Any:
     return value["value"] if "value" in value else {name: _plain(item) for name, item in value.items()}
 
 
+def all_cores_for(charges: int, settings: Settings) -> Settings:
+    """The settings for a service that is started for so many charges: a worker for each as far as the cores reach,
+    and what is left of them as threads, which change no bit. What the user has set stays."""
+    if settings.model_fields_set & {"workers", "threads"}:
+        return settings
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    workers = min(charges, cores)
+    return settings.model_copy(update={"workers": workers, "threads": cores // workers})
+
+
 def charge(settings: Settings, body: Mapping[str, Any], out: Path, console: Console) -> int:
     """Ask for the charges, wait, fetch their files into `out`, one folder each where they are several. The exit
     status: 0 when all are complete."""
-    with running_service(settings) as service, Client(service.url) as client:
+    started = all_cores_for(len(body["seeds"]), settings)
+    with running_service(started) as service, Client(service.url) as client:
         asked = client.create_charges(dict(body))["items"]
         for item in asked:
             console.print(

@@ -89,7 +89,12 @@ def _start(settings: Settings, log: Path) -> LocalService:
         # A session of its own: Ctrl-C is for this process, which then ends the service in order.
         process = subprocess.Popen(
             [sys.executable, "-m", "service.cli", "serve"],
-            env={**os.environ, "TALUS_DATA_DIR": str(settings.data_dir)},
+            env={
+                **os.environ,
+                "TALUS_DATA_DIR": str(settings.data_dir),
+                "TALUS_WORKERS": str(settings.workers),
+                "TALUS_THREADS": str(settings.threads),
+            },
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,

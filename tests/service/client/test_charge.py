@@ -16,6 +16,26 @@ from service.client import charge as command
 from service.settings import Settings
 
 
+@pytest.mark.parametrize(
+    ("charges", "cores", "expected"),
+    [(1, 2, (1, 2)), (2, 2, (2, 1)), (5, 2, (2, 1)), (3, 8, (3, 2)), (1, 1, (1, 1))],
+)
+def test_a_service_that_is_started_for_charges_uses_all_cores(
+    charges: int, cores: int, expected: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command.os, "sched_getaffinity", lambda _: set(range(cores)))
+    monkeypatch.delenv("TALUS_WORKERS", raising=False)
+    monkeypatch.delenv("TALUS_THREADS", raising=False)
+    found = command.all_cores_for(charges, Settings())
+    assert (found.workers, found.threads) == expected
+
+
+def test_workers_and_threads_that_the_user_set_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TALUS_WORKERS", "3")
+    found = command.all_cores_for(1, Settings())
+    assert (found.workers, found.threads) == (3, 1)
+
+
 class FakeClient:
     """A service whose charges are over at the second look; the last one of several fails."""
 
