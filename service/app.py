@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
 
 from service.api import (
@@ -34,7 +34,7 @@ from service.api import (
 from service.api.allowed_methods import AllowedMethods
 from service.api.authentication import Gate
 from service.api.body_limit import BodyLimit
-from service.api.problems import ProblemBody, install_handlers
+from service.api.problems import ProblemBody, http_error, install_handlers
 from service.api.safe_headers import SafeHeaders
 from service.dashboard import (
     analysis_page,
@@ -50,6 +50,7 @@ from service.dashboard import (
     start_page,
 )
 from service.dashboard.compressed_pages import CompressedPages
+from service.dashboard.rendering import is_for_a_person, unknown_address
 from service.db.session import Database
 from service.logs import configure_logs
 from service.settings import Settings, get_settings
@@ -118,6 +119,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(compare_page.router)
     app.include_router(assets.router)
     install_handlers(app)
+    app.add_exception_handler(404, _nowhere)
     large = (exports.IMPORT_PATH, diagnoses.MEASUREMENTS_PATH, geometries.GEOMETRIES_PATH)
     by_path = dict.fromkeys(large, settings.max_import_bytes)
     app.add_middleware(AllowedMethods, document=lambda: _document(app))
@@ -129,6 +131,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SafeHeaders)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     return app
+
+
+def _nowhere(request: Request, error: Exception) -> Response:
+    """An address without a route: a page for a person, a problem for a program."""
+    return unknown_address(request) if is_for_a_person(request) else http_error(request, error)
 
 
 def _spare_imports() -> None:

@@ -82,7 +82,7 @@ def install_handlers(app: FastAPI) -> None:
     app.add_exception_handler(InvalidValue, _invalid_value)
     app.add_exception_handler(ActionNotAllowed, _not_now)
     app.add_exception_handler(RequestValidationError, _invalid_request)
-    app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(HTTPException, http_error)
     for kind in (OperationalError, InterfaceError, PoolTimeout):
         app.add_exception_handler(kind, _database_away)
     app.add_exception_handler(StoreAway, _store_away)
@@ -138,7 +138,8 @@ def field_errors(errors: Sequence[Any]) -> list[FieldError]:
     return found
 
 
-def _http_error(_request: Request, error: Exception) -> Response:
+def http_error(_request: Request, error: Exception) -> Response:
+    """What the framework refuses: an address or a method that is not there, a body that is no text."""
     assert isinstance(error, HTTPException)
     if error.status_code in (204, 304):
         return Response(status_code=error.status_code, headers=error.headers)

@@ -84,6 +84,17 @@ def problem_page(title: str, detail: str, status: int, headers: Mapping[str, str
     return page("problem.html", status, headers, title=title, detail=detail)
 
 
+def is_for_a_person(request: Request) -> bool:
+    """Whether who asks is a browser that wants a page: programs do not prefer HTML, nor ask for it below /v1."""
+    wanted = request.headers.get("accept", "").split(",")[0]
+    return request.method == "GET" and "html" in wanted and not request.url.path.startswith("/v1/")
+
+
+def unknown_address(request: Request) -> Response:
+    """The page for an address that leads nowhere."""
+    return problem_page("Not found", f"There is no page {request.url.path[:80]}.", NotFound.status)
+
+
 def _away(what: str, sentence: str) -> Response:
     wait = {"Retry-After": str(Unavailable.retry_after_s)}
     detail = f"{sentence}. Jobs that run go on; this page comes back with it."

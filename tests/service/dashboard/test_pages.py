@@ -222,6 +222,35 @@ def test_unknown_ids_are_a_page_that_leads_back(address: str, client: TestClient
     assert "All studies" in response.text
 
 
+BROWSER = {"accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}
+
+
+@pytest.mark.parametrize("address", ["/studys", "/studies/1/nowhere", "/<b>hi</b>"])
+def test_an_unknown_address_is_a_page_for_a_browser(address: str, client: TestClient) -> None:
+    response = client.get(address, headers=BROWSER)
+    assert response.status_code == 404
+    check_page(response.text)
+    assert "There is no page" in response.text and "<b>hi</b>" not in response.text
+    assert "default-src 'none'" in response.headers["content-security-policy"]
+
+
+@pytest.mark.parametrize(
+    ("method", "address", "accept"),
+    [
+        ("GET", "/studys", "*/*"),
+        ("GET", "/v1/studys", BROWSER["accept"]),
+        ("POST", "/studys", BROWSER["accept"]),
+    ],
+)
+def test_an_unknown_address_is_a_problem_for_a_program(
+    method: str, address: str, accept: str, client: TestClient
+) -> None:
+    response = client.request(method, address, headers={"accept": accept})
+    assert response.status_code == 404
+    assert response.headers["content-type"] == "application/problem+json"
+    assert response.json()["status"] == 404
+
+
 def test_hostile_ids_are_escaped(client: TestClient) -> None:
     response = client.get("/studies/%3Cscript%3Ealert(1)")
     assert response.status_code == 404 and "<script>alert" not in response.text
