@@ -57,8 +57,8 @@ class Numerics:
     time_step           preset of the time step: `fast` (loading limit) or `paper` (unloading limit too)
     may_squeeze         share of the particles that may be pressed through a wall, or past a neighbour's surface,
                         before the run counts as blown up: walls and grains are as soft as `youngs_modulus` says
-    skin_share          of the smallest radius: how far the lists of neighbours reach beyond contact; longer lists
-                        against rarer searches, so more where few grains fly fast
+    skin_share          of the smallest radius: how far the lists of neighbours reach beyond contact where all are
+                        slow (fast ones are looked at from farther away); longer lists against rarer searches
     """
 
     residual: float = 0.001

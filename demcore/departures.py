@@ -16,7 +16,8 @@ class Departures(NamedTuple):
     """One row a particle, in order of time: number (K,); step (K,) of the search that noticed; position (K, 3), m,
     and velocity (K, 3), m/s, at that step; mass (K,), kg; material (K,) row; side (K,) index into SIDES.
 
-    A search comes when something has moved half the skin, so a particle is noticed within that way outside.
+    A search comes when something has left its halo (neighbours.reaches), so a particle is noticed within its own:
+    at most 200 steps late, and that only where nearly all others are slow.
     """
 
     number: NDArray[np.int64]

@@ -42,7 +42,7 @@ def test_a_falling_bed_leaves_by_the_floor_in_order_of_time():
     assert (np.diff(left.step) >= 0).all()
     assert {SIDES[k] for k in left.side} == {"-z"}
     assert (left.mass == mass[left.number]).all()
-    # Noticed within the skin, which the fastest one decides: close below the floor.
+    # All fall alike, so nobody looks farther than the skin: noticed close below the floor.
     assert left.position[:, 2].max() <= -0.2
     assert left.position[:, 2].min() > -0.2 - 2.0 * s.skin - 3.5 * s.dt
     # Free fall: v^2 = 2 g h from where each started.
