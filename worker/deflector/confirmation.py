@@ -14,6 +14,8 @@ from worker.deflector.study import OBJECTIVES
 
 # None that a study used.
 FIRST_FRESH_SEED = 1001
+# Mass over time, the most of a summary: no number of a comparison.
+NOT_KEPT = "account"
 # Gives a charge's summary as plain JSON. Arguments: plant, material, scale, seed.
 Charged = Callable[[Plant, str, float, int], dict[str, Any]]
 
@@ -53,7 +55,8 @@ def confirm(
     missing = [key for key in wanted if record.find(key) is None]
     calls = [(plants[_name(key)], key["material"], plan.scale, key["seed"]) for key in missing]
     for k, summary in spread(charge, calls):
-        record.add({**missing[k], "summary": summary})
+        kept = {name: value for name, value in summary.items() if name != NOT_KEPT}
+        record.add({**missing[k], "summary": kept})
     found: dict[str, dict[str, list[dict[str, Any]]]] = {m: {n: [] for n in plants} for m in plan.materials}
     for key in wanted:
         row = record.find(key)
