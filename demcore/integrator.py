@@ -179,7 +179,7 @@ def forces_of_slab(
     slab_forces(slab, particles, lists, dormant, model, tables, dt)
     first, last = lists.slab_start[slab], lists.slab_start[slab + 1]
     fresh = lists.fresh[0] > 0
-    wall_forces(first, last, particles, dormant, fresh, walls, near, model, tables, dt)
+    wall_forces(first, last, particles, lists.home, dormant, fresh, walls, near, model, tables, dt)
 
 
 @kernel

@@ -50,13 +50,17 @@ def hit_normal(near: WallList, k: int) -> Vec3:
 
 @leaf
 def measure_hits(
-    near: WallList, walls: Walls, begin: int, end: int, x: float, y: float, z: float, r: float
+    near: WallList, walls: Walls, begin: int, end: int, x: float, y: float, z: float, r: float, away: float
 ) -> bool:
-    """Distance, normal and feature of all slots begin to end - 1, which are of one mesh; True with any hit."""
+    """Distance, normal and feature of the slots begin to end - 1, all of one mesh, but for those that a particle
+    cannot have met whose way from home has the square `away`; True with any hit."""
     w = near.wall[begin]
     q = to_body(walls.pose, w, x, y, z)
     any_hit = False
     for k in range(begin, end):
+        if away < near.clear[k]:
+            near.hit[k, STATE] = APART
+            continue
         d, n, feature = triangle_distance(walls.triangle, walls.first_triangle[w] + near.triangle[k], q)
         world = turn_to_world(walls.pose, w, n)
         near.hit[k, 0] = d

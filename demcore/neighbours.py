@@ -23,6 +23,8 @@ from demcore.wrench import HISTORY_WIDTH, OVERLAP, Tables
 Integers = NDArray[np.int64]
 
 MOST_SLABS = 64
+# Fewer do not fill the blocks of a slab, and every slab costs a step a microsecond or more, whatever it holds.
+LEAST_IN_SLAB = 128
 # So many steps at most do the fast ones among slow ones look ahead: a search, which costs some 20, is cheap then.
 LONGEST_LOOK = 200
 # This share of the particles are slow: they move half a skin in the time that the others look ahead.
@@ -48,7 +50,8 @@ def reaches(state: Floats, skin: float, dt: float) -> Floats:
 def slab_bounds(sorted_position: Floats, width: float) -> Floats:
     """Lower bounds of slabs at least `width` thick with about equal numbers of particles, first one -inf."""
     extent = sorted_position[-1] - sorted_position[0]
-    wanted = int(max(1, min(MOST_SLABS, extent // width)))
+    most = min(MOST_SLABS, len(sorted_position) // LEAST_IN_SLAB)
+    wanted = int(max(1, min(most, extent // width)))
     share = len(sorted_position) / wanted
     bounds = [sorted_position[0]]
     while True:

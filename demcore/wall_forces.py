@@ -71,10 +71,10 @@ def has_crossed(
 
 @kernel
 def meet_triangles(
-    near: WallList, walls: Walls, begin: int, end: int, x: float, y: float, z: float, r: float
+    near: WallList, walls: Walls, begin: int, end: int, x: float, y: float, z: float, r: float, away: float
 ) -> None:
     """Decide which of the slots begin to end - 1, all of one mesh, are contacts of a particle."""
-    if measure_hits(near, walls, begin, end, x, y, z, r):
+    if measure_hits(near, walls, begin, end, x, y, z, r, away):
         choose_contacts(near, begin, end, r)
     carry_histories(near, begin, end, r)
 
@@ -95,6 +95,7 @@ def wall_forces(
     first: int,
     last: int,
     particles: Particles,
+    home: Floats,
     dormant: Dormant,
     fresh: bool,
     walls: Walls,
@@ -105,14 +106,15 @@ def wall_forces(
 ) -> None:
     """Add the forces of all wall contacts of particles first to last - 1; sets the alarm of the list when one of
     them went through a wall. Those of held particles are computed in the `fresh` step after a search only, and
-    kept in `frozen`: such particles are near walls that stand.
+    kept in `frozen`: such particles are near walls that stand. What a particle cannot have reached from its `home`
+    is not looked at: of a grain on the belt that is all but one of the triangles around it.
 
     Every array has a name of its own: one that is taken out of its record in the loop is counted as a reference
     there, which cost four times the arithmetic.
     """
     state, force, kinds = particles.state, particles.force, particles.material
     slot_wall, start, history, hit = near.wall, near.start, near.history, near.hit
-    normal, push = near.normal, near.push
+    normal, push, clear = near.normal, near.push, near.clear
     wall_kind, pose, shape, wall_material = walls.kind, walls.pose, walls.shape, walls.material
     youngs, values = tables.youngs, tables.pair
     mode, frozen = dormant.state, dormant.frozen
@@ -123,6 +125,8 @@ def wall_forces(
             continue
         x, y, z, r, m = state[i, 0], state[i, 1], state[i, 2], state[i, 3], state[i, 7]
         wx, wy, wz = state[i, 8], state[i, 9], state[i, 10]
+        hx, hy, hz = x - home[i, 0], y - home[i, 1], z - home[i, 2]
+        away = hx * hx + hy * hy + hz * hz
         met = -1
         for k in range(start[p], start[p + 1]):
             w = slot_wall[k]
@@ -131,9 +135,12 @@ def wall_forces(
                     met, end = w, k + 1
                     while end < start[p + 1] and slot_wall[end] == w:
                         end += 1
-                    meet_triangles(near, walls, k, end, x, y, z, r)
+                    meet_triangles(near, walls, k, end, x, y, z, r, away)
                 d, n = hit[k, 0], vector_at(hit, k, 1)
                 touches = hit[k, STATE] == ACCEPTED
+            elif away < clear[k]:
+                d, n = np.inf, Vec3(0.0, 0.0, 0.0)
+                touches = False
             else:
                 d, n = wall_distance(wall_kind[w], shape, pose, w, x, y, z)
                 touches = d < r

@@ -21,6 +21,8 @@ class WallList(NamedTuple):
     particle in row owner[p], ascending (P,); the slots of one wall lie side by side.
 
     wall, triangle (K,)  what the slot is about; triangle -1 for an analytic wall
+    clear (K,)           square of the way that the particle may go from its home (forces.py) before it can touch,
+                         m2; -1 where it touched at the search, and for a wall that moves
     history (K, 10)      as of any contact (wrench.py); overlap 0: not in contact
     normal (K, 3)        from the wall to the particle when it last touched
     push (K, 3)          force of the wall on the particle at the last step, N; 0 without contact
@@ -33,6 +35,7 @@ class WallList(NamedTuple):
     start: NDArray[np.int64]
     wall: NDArray[np.int32]
     triangle: NDArray[np.int32]
+    clear: Floats
     history: Floats
     normal: Floats
     push: Floats
@@ -49,6 +52,7 @@ def empty_wall_list() -> WallList:
         start=np.zeros(1, np.int64),
         wall=none,
         triangle=none,
+        clear=np.zeros(0),
         history=np.zeros((0, HISTORY_WIDTH)),
         normal=zero,
         push=zero,

@@ -25,6 +25,7 @@ LONGEST_STEP = 0.5
 # Share of the radius by which a wall that appears may overlap what lies there (a bed that rested on another).
 LARGEST_FIRST_OVERLAP = 0.05
 LARGEST_SETTLED_OVERLAP = 0.5
+CLEAR_SLACK = 1.0 - 1e-9
 
 
 @leaf
@@ -89,6 +90,27 @@ def carry_wall_histories(near: WallList, order: Integers, old: WallList) -> None
                     near.push[k] = old.push[q]
 
 
+@kernel
+def note_clear(near: WallList, state: Floats, walls: Walls) -> None:
+    """Write how far each particle may go before it can touch the walls near it: a distance changes by no more than
+    it moves. A wall that moves may come to it, so there nothing is known."""
+    for p in range(len(near.owner)):
+        i = near.owner[p]
+        x, y, z, r = state[i, 0], state[i, 1], state[i, 2], state[i, 3]
+        for k in range(near.start[p], near.start[p + 1]):
+            w = near.wall[k]
+            if not stands(walls, w):
+                continue
+            if near.triangle[k] >= 0:
+                q = to_body(walls.pose, w, x, y, z)
+                d, _, _ = triangle_distance(walls.triangle, walls.first_triangle[w] + near.triangle[k], q)
+            else:
+                d, _ = wall_distance(walls.kind[w], walls.shape, walls.pose, w, x, y, z)
+            if d > r:
+                # Short by more than rounding: what is skipped does not touch by a bit.
+                near.clear[k] = (d - r) * (d - r) * CLEAR_SLACK
+
+
 def list_walls(
     state: Floats, reach: Floats, walls: Walls, step: int, dt: float, order: Integers, old: WallList
 ) -> WallList:
@@ -105,6 +127,7 @@ def list_walls(
         start=np.append(start, total).astype(np.int64),
         wall=slots[:, 1].astype(np.int32),
         triangle=slots[:, 2].astype(np.int32),
+        clear=np.full(total, -1.0),
         history=np.zeros((total, HISTORY_WIDTH)),
         normal=np.zeros((total, 3)),
         push=np.zeros((total, 3)),
@@ -113,6 +136,7 @@ def list_walls(
         alarm=np.zeros(1, np.bool_),
     )
     carry_wall_histories(near, order, old)
+    note_clear(near, state, walls)
     set_home(walls, state, reach)
     return near
 

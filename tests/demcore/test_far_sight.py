@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from demcore import wall_search
 from demcore.forces import touching_contacts
+from demcore.geometry.walls import Wall
 from demcore.neighbours import LONGEST_LOOK, reaches
 from demcore.particles import VX, VZ, R, X, Z, spheres
 from tests.demcore.builders import bed, by_number
+from tests.demcore.wall_builders import plate_mesh
 
 DT = 1e-4
 SKIN = 0.004
@@ -85,3 +88,26 @@ def test_a_few_fast_grains_call_for_few_searches_and_change_nothing():
     assert rare.searches < 40
     a, b = (by_number(s)[:, X : Z + 1] for s in runs)
     assert np.abs(a - b).max() < 1e-9
+
+
+@pytest.mark.parametrize("threaded", [False, True])
+def test_walls_that_nobody_can_have_met_are_passed_over_without_a_change_of_a_bit(threaded, monkeypatch):
+    walls = [
+        Wall("plane"),
+        Wall("cylinder", radius=0.06, length=10.0),
+        Wall("mesh", mesh=plate_mesh(0.3, 4), centre=(0.0, 0.0, 0.03)),
+        Wall("plane", centre=(0.0, 0.0, 0.2), velocity=(0.0, 0.0, -0.2)),
+    ]
+    runs, passed_over = [], 0
+    for look_at_all in (False, True):
+        if look_at_all:
+            monkeypatch.setattr(wall_search, "note_clear", lambda *_: None)
+        s = bed(120, walls=walls, threaded=threaded)
+        for _ in range(60):
+            s.advance(50)
+            passed_over += int((s.near_walls.clear > 0.0).sum())
+            assert (s.near_walls.clear[s.near_walls.wall == 3] < 0.0).all(), "a wall that moves may come"
+        runs.append(by_number(s).tobytes())
+        if not look_at_all:
+            assert passed_over > 1000
+    assert runs[0] == runs[1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from demcore import neighbours
 from demcore.block import LANES
 from demcore.case import Interaction, Stiffness, uniform_table
 from demcore.forces import touching_contacts
@@ -105,6 +106,14 @@ def test_a_pair_never_reaches_beyond_the_next_slab():
     assert (slab[owner] == lister).all()
     assert set((slab[partner] - slab[owner]).tolist()) == {0, 1}
     assert len(lists.slab_start) > 3
+
+
+@pytest.mark.parametrize(("count", "slabs"), [(100, 1), (300, 2), (1500, 12)])
+def test_few_particles_far_apart_lie_in_few_slabs(count, slabs, monkeypatch):
+    monkeypatch.setattr(neighbours, "LEAST_IN_SLAB", 128)
+    _after, lists, _order = search(cloud(2, count, 0.01, 0.03, 50.0), empty_neighbours(count), 0.003)
+    assert 1 <= len(lists.used) <= slabs
+    assert (np.diff(lists.slab_start)[:-1] >= 100).all()
 
 
 def write_histories(lists, rows):
