@@ -105,7 +105,8 @@ def a_summary(name: str = "coke", **changes: Any) -> dict[str, Any]:
         **dict.fromkeys(("volume_m3", "bulk_density_kg_m3", "level_if_even_m", "largest_diameter_m"), 1.0),
         **dict.fromkeys(("fed_kg", "asked_kg", "on_belt_kg", "in_flight_kg", "in_hopper_kg", "lost_kg"), 9.0),
         **dict.fromkeys(("particles", "squeezed_through_walls", "steps"), 5),
-        **dict.fromkeys(("steady_from_s", "time_step_s", "particle_steps", "wall_s"), 2.0),
+        **dict.fromkeys(("steady_from_s", "time_step_s", "wall_s"), 2.0),
+        "particle_steps": 1e7,
     }
     return summary | changes
 

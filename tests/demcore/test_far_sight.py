@@ -93,21 +93,21 @@ def test_a_few_fast_grains_call_for_few_searches_and_change_nothing():
 @pytest.mark.parametrize("threaded", [False, True])
 def test_walls_that_nobody_can_have_met_are_passed_over_without_a_change_of_a_bit(threaded, monkeypatch):
     walls = [
-        Wall("plane"),
+        Wall("mesh", mesh=plate_mesh(0.3, 8)),
         Wall("cylinder", radius=0.06, length=10.0),
-        Wall("mesh", mesh=plate_mesh(0.3, 4), centre=(0.0, 0.0, 0.03)),
-        Wall("plane", centre=(0.0, 0.0, 0.2), velocity=(0.0, 0.0, -0.2)),
+        Wall("plane", centre=(0.0, 0.0, -0.002), velocity=(0.0, 0.0, 0.003)),
     ]
-    runs, passed_over = [], 0
+    runs, passed_over, moving = [], 0, 0
     for look_at_all in (False, True):
         if look_at_all:
             monkeypatch.setattr(wall_search, "note_clear", lambda *_: None)
         s = bed(120, walls=walls, threaded=threaded)
         for _ in range(60):
             s.advance(50)
-            passed_over += int((s.near_walls.clear > 0.0).sum())
-            assert (s.near_walls.clear[s.near_walls.wall == 3] < 0.0).all(), "a wall that moves may come"
+            near = s.near_walls
+            passed_over += int((near.clear > 0.0).sum())
+            moving += int((near.wall == 2).sum())
+            assert (near.clear[near.wall == 2] < 0.0).all(), "a wall that moves may come"
         runs.append(by_number(s).tobytes())
-        if not look_at_all:
-            assert passed_over > 1000
+        assert passed_over > 1000 and moving > 10
     assert runs[0] == runs[1]
