@@ -90,6 +90,18 @@ def carry_wall_histories(near: WallList, order: Integers, old: WallList) -> None
                     near.push[k] = old.push[q]
 
 
+@leaf
+def slot_distance(near: WallList, walls: Walls, k: int, x: float, y: float, z: float) -> float:
+    """Distance of a point of the world to what slot k is about, m."""
+    w = near.wall[k]
+    if near.triangle[k] >= 0:
+        q = to_body(walls.pose, w, x, y, z)
+        d, _, _ = triangle_distance(walls.triangle, walls.first_triangle[w] + near.triangle[k], q)
+    else:
+        d, _ = wall_distance(walls.kind[w], walls.shape, walls.pose, w, x, y, z)
+    return float(d)
+
+
 @kernel
 def note_clear(near: WallList, state: Floats, walls: Walls) -> None:
     """Write how far each particle may go before it can touch the walls near it: a distance changes by no more than
@@ -98,14 +110,9 @@ def note_clear(near: WallList, state: Floats, walls: Walls) -> None:
         i = near.owner[p]
         x, y, z, r = state[i, 0], state[i, 1], state[i, 2], state[i, 3]
         for k in range(near.start[p], near.start[p + 1]):
-            w = near.wall[k]
-            if not stands(walls, w):
+            if not stands(walls, near.wall[k]):
                 continue
-            if near.triangle[k] >= 0:
-                q = to_body(walls.pose, w, x, y, z)
-                d, _, _ = triangle_distance(walls.triangle, walls.first_triangle[w] + near.triangle[k], q)
-            else:
-                d, _ = wall_distance(walls.kind[w], walls.shape, walls.pose, w, x, y, z)
+            d = slot_distance(near, walls, k, x, y, z)
             if d > r:
                 # Short by more than rounding: what is skipped does not touch by a bit.
                 near.clear[k] = (d - r) * (d - r) * CLEAR_SLACK
@@ -148,14 +155,9 @@ def first_inside(near: WallList, state: Floats, walls: Walls, step: int, dt: flo
         i = near.owner[p]
         x, y, z, r = state[i, 0], state[i, 1], state[i, 2], state[i, 3]
         for k in range(near.start[p], near.start[p + 1]):
-            w = near.wall[k]
-            if first_step(walls.window[w, 0], dt) != step:
+            if first_step(walls.window[near.wall[k], 0], dt) != step:
                 continue
-            if near.triangle[k] >= 0:
-                q = to_body(walls.pose, w, x, y, z)
-                d, _, _ = triangle_distance(walls.triangle, walls.first_triangle[w] + near.triangle[k], q)
-            else:
-                d, _ = wall_distance(walls.kind[w], walls.shape, walls.pose, w, x, y, z)
+            d = slot_distance(near, walls, k, x, y, z)
             # A bed that a run starts from may have settled on the wall, as soft as it is.
             allowed = LARGEST_FIRST_OVERLAP if step > 0 else LARGEST_SETTLED_OVERLAP
             if r - d > allowed * r:
