@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from demcore.contact.model import ContactModel, History, Pair, Vec3
+from demcore.dormant import FALLING
 from demcore.jit import leaf
 from demcore.particles import Floats, Particles
 from demcore.wrench import HISTORY_WIDTH, Tables, contact_wrench
@@ -168,3 +169,18 @@ def scatter(
         for c in range(3):
             force[j, c] -= sign * bench[(_F + c) * LANES + b]
             force[j, 3 + c] -= sign * bench[(_TJ + c) * LANES + b]
+
+
+@leaf
+def scatter_loads(
+    first: int, count: int, owner: Rows, partner: Rows, bench: Floats, mode: NDArray[np.uint8], load: Floats
+) -> None:
+    """Add half of each contact's force to the load of its particles, of those that are falling dormant."""
+    for b in range(count):
+        x, y, z = bench[_F * LANES + b], bench[(_F + 1) * LANES + b], bench[(_F + 2) * LANES + b]
+        half = 0.5 * math.sqrt(x * x + y * y + z * z)
+        i, j = owner[first + b], partner[first + b]
+        if mode[i] == FALLING:
+            load[i] += half
+        if mode[j] == FALLING:
+            load[j] += half

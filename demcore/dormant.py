@@ -3,7 +3,8 @@
 A dormant particle is held where it is, without velocity or spin. What two dormant ones do to each other is then
 constant, so their contacts lie in blocks of their own that are skipped whole (forces.py), and so do contacts of a
 dormant particle with walls that stand. What was skipped is kept as one sum a particle, `frozen`; it wakes when
-that and the forces that still act differ from `held`, what held it in balance, by more than a share of its weight.
+that and the forces that still act differ from `held`, what held it in balance, by more than a share of its weight
+or of `load`, what went through it then: deep in a bed many weights, and friction holds in proportion to it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ AWAKE, FALLING, DORMANT = 0, 1, 2
 # Steps between two looks at whether a search would pay that arranges who is dormant: it costs some ten steps.
 LOOK_STEPS = 200
 # Rows of `limits`.
-SPEED, FORCE, WAKE, CALM = 0, 1, 2, 3
+SPEED, FORCE, WAKE, CALM, LOAD = 0, 1, 2, 3, 4
 
 
 class Dormant(NamedTuple):
@@ -32,8 +33,9 @@ class Dormant(NamedTuple):
     calm (N,)      steps on end that a particle has been slow and hardly accelerated
     held (N, 6)    force N and torque N m of all contacts when it fell dormant
     frozen (N, 6)  the part of them that is not computed now
-    limits (4,)    speed^2 over radius, m/s2; accelerations that keep from falling and that wake, m/s2; calm
-                   steps over the root of the radius, m^-1/2
+    load (N,)      half the sum of the forces of all contacts when it fell dormant, N
+    limits (5,)    speed^2 over radius, m/s2; accelerations that keep from falling and that wake, m/s2; calm
+                   steps over the root of the radius, m^-1/2; share of the load that wakes
     gravity (3,)   m/s2, under which they were judged
     """
 
@@ -41,14 +43,15 @@ class Dormant(NamedTuple):
     calm: NDArray[np.int32]
     held: Floats
     frozen: Floats
+    load: Floats
     limits: Floats
     gravity: Floats
 
 
 def nobody_dormant(count: int) -> Dormant:
     """The record of a run without the option, for so many particles."""
-    none = np.zeros((0, 6))
-    return Dormant(np.zeros(count, np.uint8), np.zeros(0, np.int32), none, none, np.zeros(0), np.zeros(0))
+    none, nothing = np.zeros((0, 6)), np.zeros(0)
+    return Dormant(np.zeros(count, np.uint8), np.zeros(0, np.int32), none, none, nothing, nothing, nothing)
 
 
 def all_awake(count: int, dormancy: Dormancy, gravity: Floats, dt: float) -> Dormant:
@@ -56,11 +59,10 @@ def all_awake(count: int, dormancy: Dormancy, gravity: Floats, dt: float) -> Dor
     g = math.sqrt(float((gravity**2).sum()))
     d = dormancy
     calm = d.duration_share * math.sqrt(2.0 / g) / dt if g > 0.0 else math.inf
-    limits = np.array([2.0 * g * d.speed_share**2, d.force_share * g, d.wake_share * g, calm])
+    limits = np.array([2.0 * g * d.speed_share**2, d.force_share * g, d.wake_share * g, calm, d.wake_share])
     zeros = np.zeros((count, 6))
-    return Dormant(
-        np.zeros(count, np.uint8), np.zeros(count, np.int32), zeros, zeros.copy(), limits, gravity.copy()
-    )
+    state, calm_steps, load = np.zeros(count, np.uint8), np.zeros(count, np.int32), np.zeros(count)
+    return Dormant(state, calm_steps, zeros, zeros.copy(), load, limits, gravity.copy())
 
 
 def with_awake(dormant: Dormant, fresh: int) -> Dormant:
@@ -70,7 +72,8 @@ def with_awake(dormant: Dormant, fresh: int) -> Dormant:
         return dormant._replace(state=state)
     calm = np.append(dormant.calm, np.zeros(fresh, np.int32))
     held, frozen = (np.concatenate([rows, np.zeros((fresh, 6))]) for rows in (dormant.held, dormant.frozen))
-    return dormant._replace(state=state, calm=calm, held=held, frozen=frozen)
+    load = np.append(dormant.load, np.zeros(fresh))
+    return dormant._replace(state=state, calm=calm, held=held, frozen=frozen, load=load)
 
 
 def reordered(dormant: Dormant, order: NDArray[np.int64]) -> Dormant:
@@ -79,7 +82,8 @@ def reordered(dormant: Dormant, order: NDArray[np.int64]) -> Dormant:
     if not len(dormant.limits):
         return dormant._replace(state=state)
     frozen = np.zeros((len(order), 6))
-    return dormant._replace(state=state, calm=dormant.calm[order], held=dormant.held[order], frozen=frozen)
+    calm, held, load = dormant.calm[order], dormant.held[order], dormant.load[order]
+    return dormant._replace(state=state, calm=calm, held=held, frozen=frozen, load=load)
 
 
 def is_calm(dormant: Dormant, particles_state: Floats) -> NDArray[np.bool_]:

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from demcore.block import FIXED, FIXED_WIDTH, HISTORY, LANES, ROWS, Rows, gather, scatter, work
+from demcore.block import FIXED, FIXED_WIDTH, HISTORY, LANES, ROWS, Rows, gather, scatter, scatter_loads, work
 from demcore.contact.model import ContactModel
 from demcore.dormant import AWAKE, Dormant
 from demcore.jit import kernel, leaf
@@ -215,6 +215,8 @@ def slab_forces(
         work(bench, model, dt)
         for c in range(HISTORY_WIDTH * LANES):
             all_history[block * HISTORY_WIDTH * LANES + c] = bench[HISTORY * LANES + c]
+        if fresh:
+            scatter_loads(first, count, owner, partner, bench, mode, dormant.load)
         if not freezes:
             scatter(first, count, owner, partner, bench, force, 1.0)
         if freezes or (wakes and not fresh):

@@ -12,7 +12,7 @@ import numpy as np
 
 from demcore.contact.laws import field_wrench
 from demcore.contact.model import Body, ContactModel, FieldWrench, Vec3
-from demcore.dormant import AWAKE, DORMANT, FALLING, FORCE, SPEED, WAKE, Dormant
+from demcore.dormant import AWAKE, DORMANT, FALLING, FORCE, LOAD, SPEED, WAKE, Dormant
 from demcore.forces import Neighbours, slab_forces
 from demcore.geometry.motion import place_walls
 from demcore.geometry.wall_rows import Walls
@@ -81,7 +81,9 @@ def hold(i: int, particles: Particles, dormant: Dormant, push: FieldWrench, grav
             f, t = f - held[i, c], t - held[i, 3 + c]
         pulled, twisted = pulled + f * f, twisted + t * t
         force[i, c], force[i, 3 + c] = 0.0, 0.0
-    limit = dormant.limits[FORCE if falling else WAKE] * m
+    limit = dormant.limits[FORCE] * m
+    if not falling:
+        limit = max(dormant.limits[WAKE] * m, dormant.limits[LOAD] * dormant.load[i])
     # Not finite is not calm.
     return bool(pulled <= limit * limit and twisted <= limit * limit * r * r)
 

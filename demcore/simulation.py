@@ -210,6 +210,8 @@ class Simulation:
         moved = near_moving_walls(self.near_walls, self.walls)
         mode[moved], self.dormant.calm[moved] = AWAKE, 0
         held = mode == FALLING
+        # Added up in the step after this search, the first in which they are held.
+        self.dormant.load[held] = 0.0
         state[held, VX : VZ + 1] = state[held, WX : WZ + 1] = 0.0
 
     def wake_all(self) -> None:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from demcore.contact.model import ContactModel, Vec3
-from demcore.dormant import AWAKE, Dormant
+from demcore.dormant import AWAKE, FALLING, Dormant
 from demcore.geometry.motion import surface_velocity, to_body, turn_to_world, vector_at
 from demcore.geometry.surfaces import plane_distance, revolution_distance
 from demcore.geometry.wall_rows import PLANE, PROFILE, SPIN_NOW, TRIANGLES, Walls
@@ -90,6 +90,13 @@ def add_wrench(rows: Floats, i: int, f: Vec3, tx: float, ty: float, tz: float) -
     rows[i, 5] += tz
 
 
+@leaf
+def add_load(load: Floats, i: int, f: Vec3, mode: int) -> None:
+    """Add half of a force to the load of particle i, when it is falling dormant."""
+    if mode == FALLING:
+        load[i] += 0.5 * math.sqrt(f.x * f.x + f.y * f.y + f.z * f.z)
+
+
 @kernel
 def wall_forces(
     first: int,
@@ -106,8 +113,8 @@ def wall_forces(
 ) -> None:
     """Add the forces of all wall contacts of particles first to last - 1; sets the alarm of the list when one of
     them went through a wall. Those of held particles are computed in the `fresh` step after a search only, and
-    kept in `frozen`: such particles are near walls that stand. What a particle cannot have reached from its `home`
-    is not looked at: of a grain on the belt that is all but one of the triangles around it.
+    kept in `frozen` and `load`: such particles are near walls that stand. What a particle cannot have reached
+    from its `home` is not looked at: of a grain on the belt that is all but one of the triangles around it.
 
     Every array has a name of its own: one that is taken out of its record in the loop is counted as a reference
     there, which cost four times the arithmetic.
@@ -117,7 +124,7 @@ def wall_forces(
     normal, push, clear = near.normal, near.push, near.clear
     wall_kind, pose, shape, wall_material = walls.kind, walls.pose, walls.shape, walls.material
     youngs, values = tables.youngs, tables.pair
-    mode, frozen = dormant.state, dormant.frozen
+    mode, frozen, load = dormant.state, dormant.frozen, dormant.load
     for p in range(np.searchsorted(near.owner, first), np.searchsorted(near.owner, last)):
         i = near.owner[p]
         is_held = mode[i] != AWAKE
@@ -172,6 +179,7 @@ def wall_forces(
             tz = couple.z - d * (n.x * ft.y - n.y * ft.x)
             if is_held:
                 add_wrench(frozen, i, f, tx, ty, tz)
+                add_load(load, i, f, mode[i])
             else:
                 add_wrench(force, i, f, tx, ty, tz)
             normal[k, 0], normal[k, 1], normal[k, 2] = n.x, n.y, n.z

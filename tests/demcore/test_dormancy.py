@@ -124,6 +124,42 @@ def test_a_particle_that_leaves_wakes_who_leaned_on_it():
     assert s.particles.state[0, 2] < 0.025
 
 
+def a_column(count):
+    """Spheres of 10 mm on top of each other, exactly, on a plane: nothing turns them aside."""
+    s = bed(1, walls=[Wall("plane")], dormancy=OPTION)
+    heights = 0.01 + 0.02 * np.arange(count)
+    s.particles = spheres(np.column_stack([np.zeros((count, 2)), heights]), np.full(count, 0.01), 2500.0)
+    s.next_number = count
+    s.wake_all()
+    s.advance(int(3.0 / s.dt))
+    assert s.dormant_count == count
+    return s, float(s.particles.state[0, 7]) * WEIGHT
+
+
+def push_down(s, name, force):
+    """One step in which the sphere above presses the named one by so much more."""
+    row = int(np.flatnonzero(s.particles.number == name)[0])
+    s.dormant.frozen[row, 2] -= force
+    s.advance(1)
+    return bool(s.dormant.state[s.particles.number == name][0] == AWAKE)
+
+
+def test_a_load_is_what_goes_through_a_particle():
+    # The k-th from the top is pressed by k - 1 weights from above and by k from below: half of the sum is k - 1/2.
+    s, weight = a_column(8)
+    order = np.argsort(-s.particles.state[:, 2])
+    expected = (np.arange(8) + 0.5) * weight
+    assert s.dormant.load[order] == pytest.approx(expected, rel=2 * OPTION.force_share)
+
+
+@pytest.mark.parametrize(("name", "carries"), [(7, 1.0), (6, 1.5), (1, 6.5), (0, 7.5)])
+def test_what_carries_more_is_woken_by_more(name, carries):
+    # Its own weight at least, then what goes through it (above).
+    for share, woke in ((0.8, False), (1.2, True)):
+        s, weight = a_column(8)
+        assert push_down(s, name, share * OPTION.wake_share * carries * weight) is woke
+
+
 @pytest.mark.parametrize("change", ["cylinder", "floor"])
 def test_without_its_wall_a_dormant_bed_runs_away(change):
     s = settled()
@@ -146,14 +182,18 @@ def test_a_wall_that_vanishes_by_its_time_wakes_the_bed():
     assert np.hypot(*s.particles.state[:, :2].T).max() > 0.06
 
 
-def test_tilted_gravity_wakes_all_and_the_bed_slides():
-    s = settled()
-    middle = s.particles.state[:, 0].mean()
-    s.gravity = np.array([7.0, 0.0, -7.0])
-    s.advance(1)
-    assert s.dormant_count == 0
-    s.advance(int(0.1 / s.dt))
-    assert s.particles.state[:, 0].mean() > middle + 0.1 * SMALLEST
+def test_tilted_gravity_wakes_all_and_the_bed_slides_as_without():
+    slid = []
+    for option in (OPTION, None):
+        s = settled(option)
+        middle = s.particles.state[:, 0].mean()
+        s.gravity = np.array([7.0, 0.0, -7.0])
+        s.advance(1)
+        assert s.dormant_count == 0
+        s.advance(int(0.1 / s.dt))
+        slid.append(s.particles.state[:, 0].mean() - middle)
+    assert slid[1] > 0.05 * SMALLEST
+    assert slid[0] == pytest.approx(slid[1], rel=0.1)
 
 
 def test_a_belt_that_starts_carries_the_bed_and_keeps_its_neighbours_awake():
