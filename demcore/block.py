@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from demcore.contact.model import ContactModel, History, Pair, Vec3
-from demcore.dormant import FALLING
+from demcore.dormant import DORMANT, Dormant
 from demcore.jit import leaf
 from demcore.particles import Floats, Particles
 from demcore.wrench import HISTORY_WIDTH, Tables, contact_wrench
@@ -173,14 +173,15 @@ def scatter(
 
 @leaf
 def scatter_loads(
-    first: int, count: int, owner: Rows, partner: Rows, bench: Floats, mode: NDArray[np.uint8], load: Floats
+    first: int, count: int, owner: Rows, partner: Rows, bench: Floats, dormant: Dormant
 ) -> None:
-    """Add half of each contact's force to the load of its particles, of those that are falling dormant."""
+    """Add half the force of each contact of a block to what its particles carry, those that are not dormant."""
+    mode, load = dormant.state, dormant.load
     for b in range(count):
         x, y, z = bench[_F * LANES + b], bench[(_F + 1) * LANES + b], bench[(_F + 2) * LANES + b]
         half = 0.5 * math.sqrt(x * x + y * y + z * z)
         i, j = owner[first + b], partner[first + b]
-        if mode[i] == FALLING:
+        if mode[i] != DORMANT:
             load[i] += half
-        if mode[j] == FALLING:
+        if mode[j] != DORMANT:
             load[j] += half

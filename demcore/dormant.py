@@ -23,7 +23,7 @@ AWAKE, FALLING, DORMANT = 0, 1, 2
 # Steps between two looks at whether a search would pay that arranges who is dormant: it costs some ten steps.
 LOOK_STEPS = 200
 # Rows of `limits`.
-SPEED, FORCE, WAKE, CALM, LOAD = 0, 1, 2, 3, 4
+SPEED, FORCE, WAKE, CALM, FORCE_LOAD, WAKE_LOAD = 0, 1, 2, 3, 4, 5
 
 
 class Dormant(NamedTuple):
@@ -33,9 +33,10 @@ class Dormant(NamedTuple):
     calm (N,)      steps on end that a particle has been slow and hardly accelerated
     held (N, 6)    force N and torque N m of all contacts when it fell dormant
     frozen (N, 6)  the part of them that is not computed now
-    load (N,)      half the sum of the forces of all contacts when it fell dormant, N
-    limits (5,)    speed^2 over radius, m/s2; accelerations that keep from falling and that wake, m/s2; calm
-                   steps over the root of the radius, m^-1/2; share of the load that wakes
+    load (N,)      half the sum of the forces of all contacts, N: of the last search, or when it fell dormant
+    limits (6,)    speed^2 over radius, m/s2; accelerations that keep from falling and that wake, m/s2; calm
+                   steps over the root of the radius, m^-1/2; shares of the load that keep from falling and that
+                   wake
     gravity (3,)   m/s2, under which they were judged
     """
 
@@ -59,7 +60,9 @@ def all_awake(count: int, dormancy: Dormancy, gravity: Floats, dt: float) -> Dor
     g = math.sqrt(float((gravity**2).sum()))
     d = dormancy
     calm = d.duration_share * math.sqrt(2.0 / g) / dt if g > 0.0 else math.inf
-    limits = np.array([2.0 * g * d.speed_share**2, d.force_share * g, d.wake_share * g, calm, d.wake_share])
+    limits = np.array(
+        [2.0 * g * d.speed_share**2, d.force_share * g, d.wake_share * g, calm, d.force_share, d.wake_share]
+    )
     zeros = np.zeros((count, 6))
     state, calm_steps, load = np.zeros(count, np.uint8), np.zeros(count, np.int32), np.zeros(count)
     return Dormant(state, calm_steps, zeros, zeros.copy(), load, limits, gravity.copy())

@@ -215,8 +215,8 @@ def slab_forces(
         work(bench, model, dt)
         for c in range(HISTORY_WIDTH * LANES):
             all_history[block * HISTORY_WIDTH * LANES + c] = bench[HISTORY * LANES + c]
-        if fresh:
-            scatter_loads(first, count, owner, partner, bench, mode, dormant.load)
+        if fresh and len(dormant.load) > 0:
+            scatter_loads(first, count, owner, partner, bench, dormant)
         if not freezes:
             scatter(first, count, owner, partner, bench, force, 1.0)
         if freezes or (wakes and not fresh):

@@ -12,12 +12,13 @@ import numpy as np
 
 from demcore.contact.laws import field_wrench
 from demcore.contact.model import Body, ContactModel, FieldWrench, Vec3
-from demcore.dormant import AWAKE, DORMANT, FALLING, FORCE, LOAD, SPEED, WAKE, Dormant
+from demcore.dormant import AWAKE, DORMANT, FALLING, FORCE, FORCE_LOAD, SPEED, WAKE, WAKE_LOAD, Dormant
 from demcore.forces import Neighbours, slab_forces
 from demcore.geometry.motion import place_walls
 from demcore.geometry.wall_rows import Walls
 from demcore.jit import kernel, leaf, parallel_kernel, prange
 from demcore.particles import Floats, Particles
+from demcore.shares import share_slabs
 from demcore.wall_forces import wall_forces
 from demcore.wall_list import WallList
 from demcore.wrench import Tables
@@ -81,9 +82,8 @@ def hold(i: int, particles: Particles, dormant: Dormant, push: FieldWrench, grav
             f, t = f - held[i, c], t - held[i, 3 + c]
         pulled, twisted = pulled + f * f, twisted + t * t
         force[i, c], force[i, 3 + c] = 0.0, 0.0
-    limit = dormant.limits[FORCE] * m
-    if not falling:
-        limit = max(dormant.limits[WAKE] * m, dormant.limits[LOAD] * dormant.load[i])
+    by_mass, by_load = (FORCE, FORCE_LOAD) if falling else (WAKE, WAKE_LOAD)
+    limit = max(dormant.limits[by_mass] * m, dormant.limits[by_load] * dormant.load[i])
     # Not finite is not calm.
     return bool(pulled <= limit * limit and twisted <= limit * limit * r * r)
 
@@ -102,7 +102,8 @@ def move_watched(
     and judged. One that wakes moves from the next step on, when all of its contacts are computed again."""
     state, force, home = particles.state, particles.force, lists.home
     mode, calm = dormant.state, dormant.calm
-    slowest, gained = dormant.limits[SPEED], dormant.limits[FORCE] * dt
+    slowest, least, share = dormant.limits[SPEED], dormant.limits[FORCE] * dt, dormant.limits[FORCE_LOAD]
+    load = dormant.load
     fastest = 0.0
     finite = True
     strayed = False
@@ -138,6 +139,7 @@ def move_watched(
         r = state[i, 3]
         slow = squared <= slowest * r and spun * r <= slowest
         # A torque is measured against weight times radius: T / (m r) = 0.4 r times the angular acceleration.
+        gained = max(least, share * load[i] * by_mass)
         balanced = pulled <= gained * gained and 0.16 * r * r * twisted <= gained * gained
         calm[i] = calm[i] + 1 if slow and balanced else 0
     lists.woke[slab] += woke
@@ -281,16 +283,21 @@ def advance_threaded(
     gravity: Floats,
     dt: float,
     skin: float,
+    workers: int,
 ) -> tuple[int, bool]:
-    """`advance_serial` with the slabs on all threads, which meet twice a step; the same bits."""
-    count = len(lists.slab_start) - 1
+    """`advance_serial` with the slabs shared among `workers` threads, which meet twice a step; the same bits."""
+    # Threaded loops take no tuple of tuples.
+    even, odd = share_slabs(lists, near, workers)
+    even_turn, even_start, odd_turn, odd_start = even.turn, even.start, odd.turn, odd.start
     for step in range(steps):
-        for even in prange((count + 1) // 2):
+        for worker in prange(workers):
             model = ContactModel(normal, tangential, rolling, cohesion, field)
-            forces_of_slab(2 * even, particles, lists, dormant, walls, near, model, tables, dt)
-        for turn in prange(count // 2 + 1):
+            for k in range(even_start[worker], even_start[worker + 1]):
+                forces_of_slab(2 * even_turn[k], particles, lists, dormant, walls, near, model, tables, dt)
+        for worker in prange(workers):
             model = ContactModel(normal, tangential, rolling, cohesion, field)
-            finish_slabs(turn, particles, lists, dormant, walls, near, model, tables, gravity, dt)
+            for k in range(odd_start[worker], odd_start[worker + 1]):
+                finish_slabs(odd_turn[k], particles, lists, dormant, walls, near, model, tables, gravity, dt)
         way = place_walls(walls, (first + step + 1) * dt, dt)
         if is_stale(lists) or near.alarm[0] or not way <= 0.5 * skin:
             return step + 1, True

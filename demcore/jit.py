@@ -53,6 +53,8 @@ def leaf(function: F) -> F:
 
 
 prange = numba.prange
+# How many threads a parallel kernel has. Asked outside of kernels: one that asks is not cached.
+thread_count = numba.get_num_threads
 
 
 def law_dispatch(laws: Mapping[Any, Callable[..., Any]], generic: F) -> F:

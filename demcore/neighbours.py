@@ -66,6 +66,21 @@ def slab_bounds(sorted_position: Floats, width: float) -> Floats:
     return np.array(bounds)
 
 
+def best_slabs(position: Floats, width: float) -> tuple[int, Floats]:
+    """The axis whose fullest slab holds the fewest particles, and the bounds along it: threads wait for that slab.
+
+    The longest axis is not it where few are spread far: a belt above a bed, a jet.
+    """
+    found = []
+    for axis in range(3):
+        along = np.sort(position[:, axis])
+        bounds = slab_bounds(along, width)
+        counts = np.diff(np.append(np.searchsorted(along, bounds), len(along)))
+        found.append((int(counts.max()), axis, bounds))
+    _, axis, bounds = min(found, key=lambda entry: entry[:2])
+    return axis, bounds
+
+
 @kernel
 def spatial_keys(position: Floats, slab: Integers, origin: Floats, cell: float) -> Integers:
     """Sort keys: slab first, then the Morton code of a 16-bit cell."""
@@ -86,13 +101,10 @@ def spatial_keys(position: Floats, slab: Integers, origin: Floats, cell: float) 
 def spatial_order(position: Floats, radius: Floats, widest: float) -> tuple[Integers, Integers]:
     """Order of the particles along slabs and a Morton curve, and the slabs' first particles (S + 1,). `widest`:
     the longest distance of a pair that is listed, m."""
-    lowest = position.min(axis=0)
-    axis = int(np.argmax(position.max(axis=0) - lowest))
-    along = position[:, axis]
-    bounds = slab_bounds(np.sort(along), widest)
-    slab = np.searchsorted(bounds, along, side="right") - 1
+    axis, bounds = best_slabs(position, widest)
+    slab = np.searchsorted(bounds, position[:, axis], side="right") - 1
     # Stable and nearly sorted input: timsort makes the repeated sort cheap.
-    keys = spatial_keys(position, slab, lowest, 2.0 * float(radius.mean()))
+    keys = spatial_keys(position, slab, position.min(axis=0), 2.0 * float(radius.mean()))
     order = np.argsort(keys, kind="stable")
     return order, np.searchsorted(slab[order], np.arange(len(bounds) + 1))
 

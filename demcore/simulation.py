@@ -19,6 +19,7 @@ from demcore.departures import DepartureLog
 from demcore.dormancy import Dormancy
 from demcore.dormant import (
     AWAKE,
+    DORMANT,
     FALLING,
     Dormant,
     all_awake,
@@ -36,6 +37,7 @@ from demcore.geometry.wall_rows import Walls
 from demcore.geometry.walls import Wall
 from demcore.integrator import advance_serial, advance_threaded
 from demcore.interaction import MaterialTable
+from demcore.jit import thread_count
 from demcore.neighbours import arrange, carry, empty_neighbours, list_pairs, pays_to_arrange
 from demcore.particles import VX, VZ, WX, WZ, I, M, Particles, R, join
 from demcore.region import Box
@@ -123,7 +125,6 @@ class Simulation:
     def advance(self, steps: int) -> None:
         """Make `steps` steps. Raises BlowUp when a number is no longer finite or an overlap is absurd."""
         end = self.step + steps
-        advance = advance_threaded if self.threaded else advance_serial
         if self.dormancy is not None and not np.array_equal(self.dormant.gravity, self.gravity):
             self.wake_all()
         while self.step < end:
@@ -137,22 +138,7 @@ class Simulation:
             # A wall appears or vanishes with a search of its own, at its step however a run is cut up.
             change = next_change(self.walls, self.step, self.dt)
             look = next_look(self.dormant, self.step)
-            made, self.stale = advance(
-                self.step,
-                int(min(end, change, look)) - self.step,
-                self.particles,
-                self.neighbours,
-                self.dormant,
-                self.walls,
-                self.near_walls,
-                *self.model,
-                self._tables,
-                self.gravity,
-                self.dt,
-                self.skin,
-            )
-            self.step += int(made)
-            self.particle_steps += int(made) * self.count
+            self._make_steps(int(min(end, change, look)) - self.step)
             if self.step == change:
                 self.wake_all()
             if self.step == look:
@@ -160,6 +146,29 @@ class Simulation:
                     self.dormant, self.particles.state, self.neighbours
                 )
             self._check_crossing()
+
+    def _make_steps(self, steps: int) -> None:
+        """So many, or fewer when the search has to come first."""
+        given = (
+            self.step,
+            steps,
+            self.particles,
+            self.neighbours,
+            self.dormant,
+            self.walls,
+            self.near_walls,
+            *self.model,
+            self._tables,
+            self.gravity,
+            self.dt,
+            self.skin,
+        )
+        if self.threaded:
+            made, self.stale = advance_threaded(*given, thread_count())
+        else:
+            made, self.stale = advance_serial(*given)
+        self.step += int(made)
+        self.particle_steps += int(made) * self.count
 
     def add(self, born: Particles) -> None:
         """Particles that come now, at rest in no contact; numbered on from the last one ever."""
@@ -210,8 +219,8 @@ class Simulation:
         moved = near_moving_walls(self.near_walls, self.walls)
         mode[moved], self.dormant.calm[moved] = AWAKE, 0
         held = mode == FALLING
-        # Added up in the step after this search, the first in which they are held.
-        self.dormant.load[held] = 0.0
+        # Added up anew in the step after this search, the first in which they are held.
+        self.dormant.load[mode != DORMANT] = 0.0
         state[held, VX : VZ + 1] = state[held, WX : WZ + 1] = 0.0
 
     def wake_all(self) -> None:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from demcore.contact.model import ContactModel, Vec3
-from demcore.dormant import AWAKE, FALLING, Dormant
+from demcore.dormant import AWAKE, DORMANT, Dormant
 from demcore.geometry.motion import surface_velocity, to_body, turn_to_world, vector_at
 from demcore.geometry.surfaces import plane_distance, revolution_distance
 from demcore.geometry.wall_rows import PLANE, PROFILE, SPIN_NOW, TRIANGLES, Walls
@@ -91,10 +91,10 @@ def add_wrench(rows: Floats, i: int, f: Vec3, tx: float, ty: float, tz: float) -
 
 
 @leaf
-def add_load(load: Floats, i: int, f: Vec3, mode: int) -> None:
-    """Add half of a force to the load of particle i, when it is falling dormant."""
-    if mode == FALLING:
-        load[i] += 0.5 * math.sqrt(f.x * f.x + f.y * f.y + f.z * f.z)
+def note_load(dormant: Dormant, i: int, f: Vec3, fresh: bool) -> None:
+    """Add half of a force to what particle i carries, in a fresh step; of a dormant one it was noted before."""
+    if fresh and len(dormant.load) > 0 and dormant.state[i] != DORMANT:
+        dormant.load[i] += 0.5 * math.sqrt(f.x * f.x + f.y * f.y + f.z * f.z)
 
 
 @kernel
@@ -113,7 +113,7 @@ def wall_forces(
 ) -> None:
     """Add the forces of all wall contacts of particles first to last - 1; sets the alarm of the list when one of
     them went through a wall. Those of held particles are computed in the `fresh` step after a search only, and
-    kept in `frozen` and `load`: such particles are near walls that stand. What a particle cannot have reached
+    kept in `frozen`: such particles are near walls that stand. What a particle cannot have reached
     from its `home` is not looked at: of a grain on the belt that is all but one of the triangles around it.
 
     Every array has a name of its own: one that is taken out of its record in the loop is counted as a reference
@@ -124,7 +124,7 @@ def wall_forces(
     normal, push, clear = near.normal, near.push, near.clear
     wall_kind, pose, shape, wall_material = walls.kind, walls.pose, walls.shape, walls.material
     youngs, values = tables.youngs, tables.pair
-    mode, frozen, load = dormant.state, dormant.frozen, dormant.load
+    mode, frozen = dormant.state, dormant.frozen
     for p in range(np.searchsorted(near.owner, first), np.searchsorted(near.owner, last)):
         i = near.owner[p]
         is_held = mode[i] != AWAKE
@@ -179,8 +179,8 @@ def wall_forces(
             tz = couple.z - d * (n.x * ft.y - n.y * ft.x)
             if is_held:
                 add_wrench(frozen, i, f, tx, ty, tz)
-                add_load(load, i, f, mode[i])
             else:
                 add_wrench(force, i, f, tx, ty, tz)
+            note_load(dormant, i, f, fresh)
             normal[k, 0], normal[k, 1], normal[k, 2] = n.x, n.y, n.z
             push[k, 0], push[k, 1], push[k, 2] = f.x, f.y, f.z
