@@ -20,8 +20,8 @@ class Dormancy:
     weight or, if more, half the sum of its contacts' forces: friction holds in proportion to what presses."""
 
     speed_share: float = 0.005
-    force_share: float = 0.1
-    wake_share: float = 0.2
+    force_share: float = 0.15
+    wake_share: float = 0.3
     duration_share: float = 0.5
 
     def __post_init__(self) -> None:

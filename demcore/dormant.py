@@ -95,8 +95,9 @@ def is_calm(dormant: Dormant, particles_state: Floats) -> NDArray[np.bool_]:
     return calm
 
 
-def next_look(dormant: Dormant, step: int) -> float:
-    """The first step after `step` at which a search may be called to arrange the dormant; inf without them."""
+def next_look(dormant: Dormant, step: int, searched: int) -> float:
+    """The first step after `step` at which a search may be called to arrange the dormant, every LOOK_STEPS after
+    the last one, which arranged them too, at step `searched`; inf without them."""
     if not len(dormant.limits):
         return math.inf
-    return step - step % LOOK_STEPS + LOOK_STEPS
+    return step - (step - searched) % LOOK_STEPS + LOOK_STEPS

@@ -69,7 +69,7 @@ LARGEST_WAY = 0.5
 # Where particles may be squeezed at all, so many may: a share means nothing among the first that come.
 FEW_SQUEEZED = 10
 
-STORED_NUMBERS = ("step", "searches", "particle_steps", "stale", "next_number", "squeezed")
+STORED_NUMBERS = ("step", "searches", "searched", "particle_steps", "stale", "next_number", "squeezed")
 
 
 @dataclass
@@ -95,6 +95,7 @@ class Simulation:
     dormancy: Dormancy | None = None
     step: int = 0
     searches: int = 0
+    searched: int = 0
     particle_steps: int = 0
     neighbours: Neighbours = field(default_factory=lambda: empty_neighbours(0))
     near_walls: WallList = field(default_factory=empty_wall_list)
@@ -137,7 +138,7 @@ class Simulation:
                 break
             # A wall appears or vanishes with a search of its own, at its step however a run is cut up.
             change = next_change(self.walls, self.step, self.dt)
-            look = next_look(self.dormant, self.step)
+            look = next_look(self.dormant, self.step, self.searched)
             self._make_steps(int(min(end, change, look)) - self.step)
             if self.step == change:
                 self.wake_all()
@@ -209,6 +210,7 @@ class Simulation:
             self._let_fall_dormant()
         self.neighbours = list_pairs(arranged, carried, self.dormant.state, self._tables, self.threaded)
         self.searches += 1
+        self.searched = self.step
         self.stale = False
 
     def _let_fall_dormant(self) -> None:

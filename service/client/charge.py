@@ -21,7 +21,8 @@ from service.client.local_service import running_service
 from service.client.rest import Client
 from service.settings import Settings, get_settings
 
-POLL_SECONDS = 0.5
+# A charge takes minutes on all cores, and whoever asks takes one from it.
+POLL_SECONDS = 2.0
 OVER = ("COMPLETE", "FAILED", "CANCELLED")
 
 
@@ -86,7 +87,9 @@ def charge(settings: Settings, body: Mapping[str, Any], out: Path, console: Cons
 def _wait(client: Client, ids: Sequence[int], console: Console) -> list[dict[str, Any]]:
     """Until all are over, with a bar each."""
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[phase]}"))
-    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bars:
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, refresh_per_second=2
+    ) as bars:
         tasks: dict[int, TaskID] = {n: bars.add_task(f"charge {n}", total=1.0, phase="waits") for n in ids}
         while True:
             found = [client.charge(n) for n in ids]
