@@ -287,7 +287,7 @@ def advance_threaded(
 ) -> tuple[int, bool]:
     """`advance_serial` with the slabs shared among `workers` threads, which meet twice a step; the same bits."""
     # Threaded loops take no tuple of tuples.
-    even, odd = share_slabs(lists, near, workers)
+    even, odd = share_slabs(lists, near, dormant.state, workers)
     even_turn, even_start, odd_turn, odd_start = even.turn, even.start, odd.turn, odd.start
     for step in range(steps):
         for worker in prange(workers):

@@ -28,7 +28,7 @@ LEAST_IN_SLAB = 128
 # So many steps at most do the fast ones among slow ones look ahead: a search, which costs some 20, is cheap then.
 LONGEST_LOOK = 200
 # This share of the particles are slow: they move half a skin in the time that the others look ahead.
-SLOW_SHARE = 0.9
+SLOW_SHARE = 0.7
 # One in so many near pairs may touch before the next search without calling for an early one.
 NEAR_THAT_MEET = 4
 

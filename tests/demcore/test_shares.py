@@ -42,7 +42,7 @@ def test_all_slabs_of_a_bed_are_shared_out(workers):
     s.advance(1)
     count = len(s.neighbours.slab_start) - 1
     assert count > 3
-    even, odd = share_slabs(s.neighbours, s.near_walls, workers)
+    even, odd = share_slabs(s.neighbours, s.near_walls, s.dormant.state, workers)
     # Even slabs 2 k, and turns k of finish_slabs: the odd slab 2 k - 1 and the move of 2 k - 1 and 2 k.
     assert sorted(even.turn) == list(range((count + 1) // 2))
     assert sorted(odd.turn) == list(range(count // 2 + 1))
