@@ -16,8 +16,9 @@ from demcore.block import FIXED_WIDTH, LANES
 from demcore.dormant import AWAKE, Dormant, is_calm
 from demcore.forces import Neighbours, begin_contact, history_at
 from demcore.grid import Grid, build_grid, find_partners
-from demcore.jit import kernel, leaf, parallel_kernel, prange
+from demcore.jit import kernel, leaf, parallel_kernel, prange, thread_count
 from demcore.particles import VX, VZ, Floats, Particles, R, X, Z
+from demcore.shares import share_out
 from demcore.wrench import HISTORY_WIDTH, OVERLAP, Tables
 
 Integers = NDArray[np.int64]
@@ -25,6 +26,8 @@ Integers = NDArray[np.int64]
 MOST_SLABS = 64
 # Fewer do not fill the blocks of a slab, and every slab costs a step a microsecond or more, whatever it holds.
 LEAST_IN_SLAB = 128
+# So many positions tell along which axis slabs divide best: to sort all, thrice, would be a tenth of a search.
+ENOUGH_TO_CHOOSE = 2048
 # So many steps at most do the fast ones among slow ones look ahead: a search, which costs some 20, is cheap then.
 LONGEST_LOOK = 200
 # This share of the particles are slow: they move half a skin in the time that the others look ahead.
@@ -47,11 +50,11 @@ def reaches(state: Floats, skin: float, dt: float) -> Floats:
     return reached
 
 
-def slab_bounds(sorted_position: Floats, width: float) -> Floats:
-    """Lower bounds of slabs at least `width` thick with about equal numbers of particles, first one -inf."""
+def slab_bounds(sorted_position: Floats, width: float, most: int) -> Floats:
+    """Lower bounds of at most so many slabs, at least `width` thick, with about equal numbers of the positions;
+    the first one is -inf."""
     extent = sorted_position[-1] - sorted_position[0]
-    most = min(MOST_SLABS, len(sorted_position) // LEAST_IN_SLAB)
-    wanted = int(max(1, min(most, extent // width)))
+    wanted = int(max(1, min(most, MOST_SLABS, extent // width)))
     share = len(sorted_position) / wanted
     bounds = [sorted_position[0]]
     while True:
@@ -69,16 +72,21 @@ def slab_bounds(sorted_position: Floats, width: float) -> Floats:
 def best_slabs(position: Floats, width: float) -> tuple[int, Floats]:
     """The axis whose fullest slab holds the fewest particles, and the bounds along it: threads wait for that slab.
 
-    The longest axis is not it where few are spread far: a belt above a bed, a jet.
+    The longest axis is not it where few are spread far: a belt above a bed, a jet. Of many a sample tells.
     """
-    found = []
-    for axis in range(3):
-        along = np.sort(position[:, axis])
-        bounds = slab_bounds(along, width)
-        counts = np.diff(np.append(np.searchsorted(along, bounds), len(along)))
-        found.append((int(counts.max()), axis, bounds))
-    _, axis, bounds = min(found, key=lambda entry: entry[:2])
-    return axis, bounds
+    every = max(1, len(position) // ENOUGH_TO_CHOOSE)
+    sample = np.sort(position[::every], axis=0)
+    most = len(position) // LEAST_IN_SLAB
+    fullest = [_fullest(sample[:, axis], width, most) for axis in range(3)]
+    axis = int(np.argmin(fullest))
+    along = sample[:, axis] if every == 1 else np.sort(position[:, axis])
+    return axis, slab_bounds(along, width, most)
+
+
+def _fullest(along: Floats, width: float, most: int) -> int:
+    """How many of the sorted positions `along` (N,) the fullest of at most so many slabs holds."""
+    bounds = slab_bounds(along, width, most)
+    return int(np.diff(np.append(np.searchsorted(along, bounds), len(along))).max())
 
 
 @kernel
@@ -274,6 +282,8 @@ def empty_neighbours(count: int) -> Neighbours:
 
 def _find_all(
     slabs: Integers,
+    turn: Integers,
+    start: Integers,
     state: Floats,
     reach: Floats,
     mode: NDArray[np.uint8],
@@ -285,14 +295,17 @@ def _find_all(
     touching: Integers,
     still: Integers,
 ) -> None:
-    for k in prange(len(slabs) - 1):
-        out = found[slabs[k] * room : slabs[k + 1] * room]
-        needed[k], touching[k], still[k] = find_partners(
-            slabs[k], slabs[k + 1], state, reach, mode, grid, out, count
-        )
+    for worker in prange(len(start) - 1):
+        for k in turn[start[worker] : start[worker + 1]]:
+            out = found[slabs[k] * room : slabs[k + 1] * room]
+            needed[k], touching[k], still[k] = find_partners(
+                slabs[k], slabs[k + 1], state, reach, mode, grid, out, count
+            )
 
 
 def _fill_all(
+    turn: Integers,
+    start: Integers,
     room: int,
     found: Any,
     count: Integers,
@@ -303,9 +316,10 @@ def _fill_all(
     new: Neighbours,
     tables: Tables,
 ) -> None:
-    for k in prange(len(new.slab_start) - 1):
-        out = found[new.slab_start[k] * room : new.slab_start[k + 1] * room]
-        fill_slab(k, out, count, particles, mode, order, carried, new, tables)
+    for worker in prange(len(start) - 1):
+        for k in turn[start[worker] : start[worker + 1]]:
+            out = found[new.slab_start[k] * room : new.slab_start[k + 1] * room]
+            fill_slab(k, out, count, particles, mode, order, carried, new, tables)
 
 
 _SEARCH: dict[bool, tuple[Any, Any]] = {
@@ -352,18 +366,20 @@ def list_pairs(
     if len(state) == 0:
         return empty_neighbours(0)
     find_all, fill_all = _SEARCH[threaded]
+    # A slab of a bed holds many times as many as one of the air above it.
+    shares = share_out(np.diff(slabs).astype(np.float64), thread_count() if threaded else 1)
     grid = build_grid(state, reach)
     count = np.zeros(len(state), np.int64)
     needed, touching, still = np.zeros((3, len(slabs) - 1), np.int64)
     room = 8
     while True:
         found = np.empty(len(state) * room, np.int32)
-        find_all(slabs, state, reach, mode, grid, room, found, count, needed, touching, still)
+        find_all(slabs, *shares, state, reach, mode, grid, room, found, count, needed, touching, still)
         if (needed <= np.diff(slabs) * room).all():
             break
         room *= 2
     del grid
     new = room_for(slabs, needed, touching, still)
-    fill_all(room, found, count, particles, mode, order, carried, new, tables)
+    fill_all(*shares, room, found, count, particles, mode, order, carried, new, tables)
     new.home[:, :3], new.home[:, 3] = state[:, X : Z + 1], (reach - state[:, R]) ** 2
     return new
