@@ -10,8 +10,9 @@ from service.db.models import ChargeRow
 from service.domain.charge import ChargeSpec
 from service.domain.states import DesignState
 
-# Searches included, on a small machine. One core, scale 10: a step took 50 us with 310 grains there on average (coke)
-# and 97 us with 600 (iron); two cores, scale 4: 224 us with 2,500 and 620 us with 11,700. Within twice of all four.
+# Searches included, on a small machine. One core, scale 10: a step took 50 us with 310 grains there on average
+# (coke) and 97 us with 600 (iron); two cores, scale 4: 224 us with 2,500 and 620 us with 11,700. Within
+# twice of each.
 ASSUMED = Rate(1e7, step_seconds=2e-5, source="assumed, as no charge has run here yet")
 LATEST = 50
 
