@@ -82,8 +82,8 @@ def hold(i: int, particles: Particles, dormant: Dormant, push: FieldWrench, grav
             f, t = f - held[i, c], t - held[i, 3 + c]
         pulled, twisted = pulled + f * f, twisted + t * t
         force[i, c], force[i, 3 + c] = 0.0, 0.0
-    by_mass, by_load = (FORCE, FORCE_LOAD) if falling else (WAKE, WAKE_LOAD)
-    limit = max(dormant.limits[by_mass] * m, dormant.limits[by_load] * dormant.load[i])
+    of_mass, of_load = (FORCE, FORCE_LOAD) if falling else (WAKE, WAKE_LOAD)
+    limit = max(dormant.limits[of_mass] * m, dormant.limits[of_load] * dormant.load[i])
     # Not finite is not calm.
     return bool(pulled <= limit * limit and twisted <= limit * limit * r * r)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 from collections.abc import Callable
 
 from sqlalchemy.exc import InterfaceError, OperationalError
@@ -18,7 +17,6 @@ from service.file_store import StoreAway
 from service.studies.give_back_job import Return
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-NO_ROOM_TEXT = os.strerror(errno.ENOSPC)
 
 # The one repetition after a blow-up is made with this share of the time step.
 HALF_STEP = 0.5
@@ -44,9 +42,9 @@ def classify(error: Exception) -> Failure:
 
 
 def is_disk_full(error: BaseException | None) -> bool:
-    """Whether a disk or a quota was full, in `error` or in what caused it. HDF5 says so in its text only."""
+    """Whether a disk or a quota was full, in `error` or in what caused it."""
     while error is not None:
-        if isinstance(error, OSError) and (error.errno in NO_ROOM or NO_ROOM_TEXT in str(error)):
+        if isinstance(error, OSError) and error.errno in NO_ROOM:
             return True
         error = error.__cause__ or error.__context__
     return False

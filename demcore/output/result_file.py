@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from demcore.errors import InputError
+from demcore.output.hdf_file import written
 from demcore.output.spheres import start_file
 from demcore.output.vtkhdf import replace_file
 from demcore.source_hash import hash_sources
@@ -68,7 +69,7 @@ def write_result(
     """
     aside = path.with_name(path.name + ".part")
     links = {} if shown is None else _start_with_spheres(aside, columns, shown)
-    with h5py.File(aside, "r+" if links else "w") as file:
+    with written(aside, new=not links) as file:
         file.attrs["format"] = FORMAT
         file.attrs["kind"] = kind
         file.attrs["seed"] = seed

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from demcore.output.hdf_file import written
 from demcore.output.vtkhdf import Field, PolyData, PolyDataSeries, replace_file
 
 # Of a time series: single precision is what ParaView draws with.
@@ -45,7 +45,7 @@ def write_spheres(
     arrays |= {name: np.asarray(values) for name, values in point_data.items()}
     aside = path.with_name(path.name + ".part")
     start_file(aside, positions, arrays, UNITS)
-    with h5py.File(aside, "r+") as file:
+    with written(aside, new=False) as file:
         # Readers of VTKHDF ignore groups that they do not know.
         file.create_group("Talus").attrs["summary"] = json.dumps(dict(summary))
     replace_file(aside, path)

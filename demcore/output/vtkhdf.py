@@ -19,6 +19,8 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from demcore.output.hdf_file import HdfWriter
+
 CELL_KINDS = ("Vertices", "Lines", "Polygons", "Strips")
 # Rows of a chunk: of arrays as long as the points, and of those with one row a time step.
 LONG_CHUNK, SHORT_CHUNK = 16384, 256
@@ -45,7 +47,8 @@ class PolyData(NamedTuple):
 class PolyDataSeries:
     """A file that grows by a time step at a time and is whole after each of them.
 
-    The file is not locked: ParaView may read it while it grows. Same steps, same bytes.
+    ParaView may read it while it grows. Same steps, same bytes. Raises OSError, with the disk's
+    errno, when the disk has no room; the file is lost then.
     """
 
     def __init__(
@@ -57,8 +60,8 @@ class PolyDataSeries:
         point_type: str = "f4",
     ) -> None:
         self.kind = kind
-        self._file = h5py.File(path, "w", locking=False)
-        root = self._root = self._file.create_group("VTKHDF")
+        self._file = HdfWriter(path)
+        root = self._root = self._file.root.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 0], "i8")
         root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", 8))
         _long(root, Field("Points", point_type, 3, "m"))
