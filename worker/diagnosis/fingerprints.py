@@ -124,7 +124,11 @@ def screen(known: Library, prober: Prober, model: Model, theta: FloatArray) -> F
 def refine(
     prints: Fingerprints, prober: Prober, model: Model, theta: FloatArray, fitted: Mapping[str, float]
 ) -> Fingerprints:
-    """The fingerprints of `fitted` keys at theta and at their fitted amplitudes, with more seeds."""
+    """The fingerprints of `fitted` keys at theta and at their fitted amplitudes, with more seeds.
+
+    One whose runs leave cells without a number, as a cylinder beyond the base's edge does, stays as it was
+    screened: without them it would fit nothing.
+    """
     frame = model.frame
     baseline = prober.fresh().means(theta, {}, REFINED_SEEDS, np.ones(frame.size, dtype=bool))
     variance = np.diag(model.run_covariance)
@@ -132,6 +136,8 @@ def refine(
         active = prints.active[prints.row(key)]
         weight = 2.0 / REFINED_SEEDS / amplitude**2
         probed = prober.means(theta, {key: amplitude}, REFINED_SEEDS, active)
+        if not np.isfinite(probed).all():
+            continue
         f = change(active, probed, baseline, amplitude)
         prints = prints.replaced(key, shrink(f, weight * variance), weight)
     return prints

@@ -201,7 +201,8 @@ def data_set(name: str, folder: Path = BANK, chosen: tuple[str, ...] = ()) -> Da
     for c, condition in enumerate(CONDITIONS):
         for k in range(REPLICATES):
             row = zip(PILE_OBSERVABLES, values[c, k].tolist(), strict=True)
-            observations += [Observation(condition.condition, str(k + 1), o, _rounded(v)) for o, v in row]
+            measured = [(o, _rounded(v)) for o, v in row if math.isfinite(v)]
+            observations += [Observation(condition.condition, str(k + 1), o, v) for o, v in measured]
             mm: Array = heights[c, k] / 1000.0
             profiles.append(Profile(condition.condition, str(k + 1), theta, r, tuple(mm.tolist())))
     whole = DataSet(CONDITIONS, tuple(observations), tuple(profiles))

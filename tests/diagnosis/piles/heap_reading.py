@@ -62,7 +62,8 @@ def readings(pile: Pile, heap: Heap) -> tuple[dict[str, float], Array]:
     order = np.argsort(radius[on])
     half = np.searchsorted(np.cumsum(mass[order]), 0.5 * mass.sum())
     filled, left = float(heap.mass[0]), heap.mass[0] - heap.mass
-    t90 = float(heap.time[np.searchsorted(left, 0.9 * left[-1])])
+    # Behind a rim nothing may leave, and then no time was measured.
+    t90 = float(heap.time[np.searchsorted(left, 0.9 * left[-1])]) if left[-1] > 0.0 else math.nan
     values = {
         "repose_angle_deg": angle_of(x, y, h, base),
         "apex_height_m": float(h[np.hypot(x, y) < base].max()),

@@ -105,7 +105,8 @@ class Heap:
 def sizes(pile: Pile, stream: np.random.Generator) -> Array:
     """Diameters of a sample of the stated mass: each stated size is a sieve class of 10 % to either side.
 
-    `spread` widens it: the sizes' distances from the median grow on the logarithmic scale.
+    `spread` widens it about its median by mass: where mass is lognormal about mu, numbers are about mu - 3 sd^2
+    (Hatch & Choate 1929).
     """
     size, share = (np.array(column) for column in zip(*pile.psd, strict=True))
     middle = float(np.exp(np.sum(share * np.log(size)) / np.sum(share)))
@@ -114,7 +115,8 @@ def sizes(pile: Pile, stream: np.random.Generator) -> Array:
     left = pile.mass
     while left > 0.0:
         d = float(stream.choice(size, p=number / number.sum())) * float(stream.uniform(1 / 1.1, 1.1))
-        d *= math.exp(pile.spread * float(stream.standard_normal())) if pile.spread else 1.0
+        if pile.spread:
+            d *= math.exp(pile.spread * float(stream.standard_normal()) - 3.0 * pile.spread**2)
         d = min(max(d, 0.4 * middle), 2.0 * middle)
         found.append(d)
         left -= pile.density * math.pi / 6.0 * d**3

@@ -61,6 +61,38 @@ def test_a_single_sphere_is_read_by_hand() -> None:
     assert heights.max() < 0.1 and heights.min() == 0.0
 
 
+def test_where_nothing_leaves_no_time_is_measured(tmp_path: Path) -> None:
+    """As behind a rim: the cell is missing, as it would be in a laboratory's table."""
+    pile = pile_of(CONDITIONS[0], TRUTH, 0)
+    heap = Heap(
+        np.array([[0.1, 0.0, 0.05]]), np.array([0.05]), 0.4, np.array([0.0, 1.0]), np.array([4.0, 4.0])
+    )
+    assert math.isnan(readings(pile, heap)[0]["discharge_t90_s"])
+    shutil.copy(BANK / "case_01.npz", tmp_path / "case_01.npz")
+    write_tables(data_set("case_01", tmp_path), tmp_path / "tables")
+    given = read_data_set(tmp_path / "tables")
+    times = [o.value for o in given.observations if o.observable == "discharge_t90_s"]
+    assert 0 < len(times) < len(CONDITIONS) * REPLICATES and min(times) > 0.0
+
+
+@pytest.mark.parametrize("spread", [0.2, 0.35])
+def test_a_wider_sample_keeps_its_median_by_mass(spread: float) -> None:
+    """Variances of ln d add; grains are cut at .4 and 2 medians, which takes less than a twentieth off the sd."""
+    narrow, wide = (
+        sizes(replace(pile_of(CONDITIONS[0], TRUTH, 0), mass=6000.0, spread=a), np.random.default_rng(1))
+        for a in (0.0, spread)
+    )
+
+    def moments(d: np.ndarray) -> tuple[float, float]:
+        mass, ln = d**3 / np.sum(d**3), np.log(d)
+        mean = float(mass @ ln)
+        return mean, math.sqrt(mass @ (ln - mean) ** 2)
+
+    (mean, sd), (mean_wide, sd_wide) = moments(narrow), moments(wide)
+    assert mean_wide == pytest.approx(mean, abs=0.03)
+    assert sd_wide == pytest.approx(math.hypot(sd, spread), rel=0.05)
+
+
 def test_the_column_is_loose_and_of_the_stated_mass() -> None:
     pile, stream = pile_of(CONDITIONS[0], TRUTH, 0), np.random.default_rng(3)
     d = sizes(pile, stream)
