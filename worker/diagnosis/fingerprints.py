@@ -6,13 +6,15 @@ Notation (K effect keys, N cells, n seeds)
     t       f / sqrt(v); a cell counts with f max(0, 1 - 2/t^2)
 
 Screening takes few seeds at twice the prior's scale; cells out of scope are zero without a run. The few best are
-refined at their fitted amplitude with more seeds, at the parameters that go with them.
+refined at their fitted amplitude with more seeds, at the parameters that go with them. An amplitude that leaves no
+pile, as a cylinder beyond the base's edge does, is halved.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +29,8 @@ BASELINE_SEEDS = 24
 REFINED_SEEDS = 24
 MOST_REFINED = 5
 _SCREENED_AT = 2.0
+# An eighth of the prior's or the fitted scale: below, a change drowns in the scatter of the runs.
+_HALVINGS = 3
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,40 @@ class Prober:
         return Prober(self._simulator, self._model, self._seed + 1000)
 
 
+class Probe(NamedTuple):
+    """Means (N,) with an effect at `amplitude`; `whole` where every cell has a number that has one without it."""
+
+    means: FloatArray
+    amplitude: float
+    whole: bool
+
+
+def probe(
+    prober: Prober,
+    theta: FloatArray,
+    along: Mapping[str, float],
+    amplitude: float,
+    seeds: int,
+    active: NDArrayBool,
+    baseline: FloatArray,
+) -> Probe:
+    """At `amplitude` times `along` (parts of keys), halved until no cell of `baseline` (N,) is lost.
+
+    The smallest amplitude tried where one is lost in all of them.
+    """
+
+    def at(size: float) -> Probe:
+        means = prober.means(theta, {key: size * part for key, part in along.items()}, seeds, active)
+        return Probe(means, size, not np.any(np.isnan(means) & np.isfinite(baseline)))
+
+    found = at(amplitude)
+    for _ in range(_HALVINGS):
+        if found.whole:
+            break
+        found = at(found.amplitude / 2.0)
+    return found
+
+
 def scope_of(effect: Effect, frame: Frame) -> NDArrayBool:
     """The cells (N,) of conditions that the effect acts on."""
     acts = np.array([effect.acts_on(c) for c in frame.conditions], dtype=bool)
@@ -110,10 +148,10 @@ def screen(known: Library, prober: Prober, model: Model, theta: FloatArray) -> F
     for effect in known.effects:
         active = scope_of(effect, frame)
         amplitude = min(_SCREENED_AT * effect.scale, effect.highest)
-        weight = (1.0 / SCREENING_SEEDS + 1.0 / BASELINE_SEEDS) / amplitude**2
         for key in effect.keys:
-            probed = prober.means(theta, {key: amplitude}, SCREENING_SEEDS, active)
-            f = change(active, probed, baseline, amplitude)
+            tried = probe(prober, theta, {key: 1.0}, amplitude, SCREENING_SEEDS, active, baseline)
+            weight = (1.0 / SCREENING_SEEDS + 1.0 / BASELINE_SEEDS) / tried.amplitude**2
+            f = change(active, tried.means, baseline, tried.amplitude)
             rows.append(shrink(f, weight * variance))
             weights.append(weight)
             actives.append(active)
@@ -126,18 +164,18 @@ def refine(
 ) -> Fingerprints:
     """The fingerprints of `fitted` keys at theta and at their fitted amplitudes, with more seeds.
 
-    One whose runs leave cells without a number, as a cylinder beyond the base's edge does, stays as it was
-    screened: without them it would fit nothing.
+    One whose runs leave cells without a number at every amplitude that is tried stays as it was screened: without
+    them it would fit nothing.
     """
     frame = model.frame
     baseline = prober.fresh().means(theta, {}, REFINED_SEEDS, np.ones(frame.size, dtype=bool))
     variance = np.diag(model.run_covariance)
     for key, amplitude in fitted.items():
         active = prints.active[prints.row(key)]
-        weight = 2.0 / REFINED_SEEDS / amplitude**2
-        probed = prober.means(theta, {key: amplitude}, REFINED_SEEDS, active)
-        if not np.isfinite(probed).all():
+        tried = probe(prober, theta, {key: 1.0}, amplitude, REFINED_SEEDS, active, baseline)
+        if not tried.whole:
             continue
-        f = change(active, probed, baseline, amplitude)
+        weight = 2.0 / REFINED_SEEDS / tried.amplitude**2
+        f = change(active, tried.means, baseline, tried.amplitude)
         prints = prints.replaced(key, shrink(f, weight * variance), weight)
     return prints

@@ -23,7 +23,7 @@ from service.domain.errors import InvalidValue
 from worker.diagnosis.calibration import PRIOR_VARIANCE
 from worker.diagnosis.diagnose import Diagnosis, Options
 from worker.diagnosis.evidence import FORM_ERROR
-from worker.diagnosis.fingerprints import REFINED_SEEDS, Prober, change, scope_of, shrink
+from worker.diagnosis.fingerprints import REFINED_SEEDS, Prober, change, probe, scope_of, shrink
 from worker.diagnosis.measured import Measured, measure, replicate_tables, stated_sd
 from worker.diagnosis.model import Model, Runs, build_model, represented, run_effect_free
 from worker.diagnosis.null_calibration import aligned
@@ -163,10 +163,9 @@ def _fingerprints(
         effect = analysis.ranking.known.effects[int(directions.effect[row])]
         size = max(float(amplitude), 0.1 * effect.scale)
         active = scope_of(effect, frame)
-        amplitudes = {key: size * part for key, part in directions.along[row].items()}
-        probed = prober.means(fit.theta, amplitudes, REFINED_SEEDS, active)
-        variance = 2.0 / REFINED_SEEDS / size**2 * np.diag(held.model.run_covariance)
-        columns.append(shrink(change(active, probed, baseline, size), variance))
+        tried = probe(prober, fit.theta, directions.along[row], size, REFINED_SEEDS, active, baseline)
+        variance = 2.0 / REFINED_SEEDS / tried.amplitude**2 * np.diag(held.model.run_covariance)
+        columns.append(shrink(change(active, tried.means, baseline, tried.amplitude), variance))
     return np.array(columns).T
 
 
