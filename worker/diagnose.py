@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +17,7 @@ import numpy as np
 from demcore.errors import Cancelled
 from demcore.experiments.pile_case import PileTest
 from demcore.identity import identity
+from demcore.source_hash import hash_sources
 from service.db.session import Database
 from service.domain.data_set.records import Condition, DataSet
 from service.domain.diagnosis import DiagnosisOutcome, DiagnosisSpec, Extension, expected_cost
@@ -25,6 +28,7 @@ from service.settings import Settings
 from service.studies.claim_job import DiagnosisClaim
 from service.studies.open_held_out import open_held_out
 from service.studies.stored_runs import find_runs, store_run
+from worker import diagnosis
 from worker.diagnosis.analysis import expected_theta
 from worker.diagnosis.card import draw_card
 from worker.diagnosis.diagnose import Diagnosis, Options, diagnose
@@ -115,6 +119,12 @@ def model_of(spec: DiagnosisSpec, runner: Runner, conditions: Sequence[Condition
     return Model(PileSimulator(runner, spec.grains, spec.contact_model), floor, sentences)
 
 
+@cache
+def _edition() -> str:
+    """Of the diagnosis' own code: a stored null calibration holds for the statistics that made it."""
+    return hash_sources(Path(diagnosis.__file__).parent)
+
+
 def evaluate_diagnosis(
     claim: DiagnosisClaim, report: Report, database: Database, settings: Settings
 ) -> DiagnosisOutcome:
@@ -128,6 +138,7 @@ def evaluate_diagnosis(
         second_wave=spec.second_wave,
         plants=spec.plants,
         seed=spec.seed,
+        edition=_edition(),
     )
     stored = {
         key: NullCalibration(key, np.array(found["statistics"])) for key, found in claim.calibrations.items()

@@ -51,10 +51,15 @@ TINY = {"first_wave": 16, "second_wave": 16, "plants": 100}
 FEW = {"small": 20.0, "large": 80.0, "held": 60.0}
 
 
+BOTH = pytest.mark.parametrize("database", ["sqlite_database", "postgres_database"], indirect=True)
+
+
 @pytest.fixture
-def database(sqlite_database: Database) -> Database:
-    """Once is enough."""
-    return sqlite_database
+def database(request: pytest.FixtureRequest) -> Database:
+    """SQLite, and PostgreSQL where what is stored of a diagnosis is the point."""
+    found = request.getfixturevalue(getattr(request, "param", "sqlite_database"))
+    assert isinstance(found, Database)
+    return found
 
 
 @cache
@@ -82,8 +87,9 @@ def hidden(kind: str, snr: float = 0.0) -> Case:
             return case
 
 
-def diagnosed(worker: InProcessWorker, case: Case) -> dict[str, Any]:
-    number = a_diagnosis(worker.database, a_data_set(worker.database, as_tables(case.data)), **SMALL)
+def diagnosed(worker: InProcessWorker, case: Case, **changes: Any) -> dict[str, Any]:
+    data_set_id = a_data_set(worker.database, as_tables(case.data))
+    number = a_diagnosis(worker.database, data_set_id, **(SMALL | changes))
     worker.perform(job_of_diagnosis(worker.database, number))
     row = diagnosis(worker.database, number)
     assert row.state is DesignState.COMPLETE, row.failure_text
@@ -132,15 +138,33 @@ def test_where_nothing_is_hidden_nothing_is_claimed(worker: InProcessWorker) -> 
     assert all(f["gain"] is None and "extended_model" not in f for f in quiet)
 
 
+@BOTH
 @pytest.mark.usefixtures("stand_in")
-def test_a_null_calibration_is_made_once_for_its_design(worker: InProcessWorker) -> None:
+def test_a_null_calibration_is_made_once_for_its_design(
+    worker: InProcessWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And made anew for more null runs, another floor or other code, which its statistics depend on."""
     case = hidden("null")
     first, again = diagnosed(worker, case), diagnosed(worker, case)
     assert published(first) == published(again)
+    assert calibrations(worker) == 1
+    diagnosed(worker, case, plants=120)
+    assert calibrations(worker) == 2
+    wider = Floor(4.0 * floor().shared, floor().own)
+    monkeypatch.setattr(worker_diagnose, "model_of", lambda *_: worker_diagnose.Model(StandIn(), wider))
+    diagnosed(worker, case)
+    assert calibrations(worker) == 3
+    monkeypatch.setattr(worker_diagnose, "_edition", lambda: "another")
+    diagnosed(worker, case)
+    assert calibrations(worker) == 4
+
+
+def calibrations(worker: InProcessWorker) -> int:
     with worker.database.reading() as session:
-        assert session.scalar(select(func.count()).select_from(NullCalibrationRow)) == 1
+        return session.scalar(select(func.count()).select_from(NullCalibrationRow)) or 0
 
 
+@BOTH
 @pytest.mark.usefixtures("stand_in")
 def test_the_held_out_conditions_open_once(worker: InProcessWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second diagnosis may name, and says that the gain cannot be measured again."""

@@ -63,7 +63,8 @@ _STREAM_WAVE = 900
 
 @dataclass(frozen=True)
 class Options:
-    """`first_wave`, `second_wave`: runs of each condition; `plants`: null runs. The last three are ablations."""
+    """`first_wave`, `second_wave`: runs of each condition; `plants`: null runs; `edition`: of this code, where its
+    null calibrations outlive it. The last three are ablations."""
 
     floor: Floor = NO_FLOOR
     known: Library = field(default_factory=library)
@@ -71,6 +72,7 @@ class Options:
     second_wave: int = 48
     plants: int = 128
     seed: int = 1
+    edition: str = ""
     pooled: bool = True
     refined: bool = True
     remainder: bool = True
@@ -130,10 +132,13 @@ def diagnose(
         )
         return Diagnosis(_refused(simulator, (*judged.sentences, why)))
     setup, screened, prober = _screen(simulator, baseline, options)
-    null = (stored or {}).get(design_key(baseline.measured, setup))
+    key = design_key(baseline.measured, setup, _null_runs(simulator, options))
+    null = (stored or {}).get(key)
     if null is None:
         seed = options.seed + 10**7
-        null = calibrate_null(setup, simulator, baseline.measured, tables, screened, options.plants, seed)
+        null = calibrate_null(
+            key, setup, simulator, baseline.measured, tables, screened, options.plants, seed
+        )
     p_value = null.p_value(screened.statistics)
     final_setup, final = setup, screened
     # Without a misfit the verdict stands, and the most runs of all would be for nothing.
@@ -143,7 +148,7 @@ def diagnose(
     result = _judge(screened, final, null, strength, p_value, options)
     facts = {
         "model_version": simulator.version,
-        "design": design_key(baseline.measured, setup),
+        "design": key,
         "calibration": null,
         "not_testable": strength.not_testable,
         "indistinguishable": strength.indistinguishable,
@@ -153,6 +158,15 @@ def diagnose(
         "sentences": judged.sentences,
     }
     return Diagnosis(Result(**result, **facts), baseline.measured, final_setup, final, strength)  # type: ignore[arg-type]
+
+
+def _null_runs(simulator: Simulator, options: Options) -> tuple[object, ...]:
+    """What decides on null runs besides the design: the model, its floor, how many runs, and the code's edition.
+
+    Without these a calibration of an older floor or of a coarser model would judge.
+    """
+    floor = (options.floor.shared.tolist(), options.floor.own.tolist())
+    return simulator.version, options.first_wave, options.second_wave, options.plants, options.edition, floor
 
 
 def check_represented(conditions: tuple[Condition, ...], simulator: Simulator) -> None:

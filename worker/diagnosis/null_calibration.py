@@ -12,6 +12,8 @@ Pseudo-plants share a few points theta, each with a bank of runs from which repl
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,7 +36,7 @@ _TIE, _FARTHEST = 1e-9, 1e5
 
 @dataclass(frozen=True)
 class NullCalibration:
-    """Statistics (B, 3) of effect-free pseudo-plants; `key` names the design and the library that it holds for.
+    """Statistics (B, 3) of effect-free pseudo-plants; `key` (see design_key) says for what it holds.
 
     Raises InvalidValue with fewer than 100.
     """
@@ -77,6 +79,7 @@ class NullCalibration:
 
 
 def calibrate_null(
+    key: str,
     setup: Setup,
     simulator: Simulator,
     measured: Measured,
@@ -85,7 +88,8 @@ def calibrate_null(
     plants: int,
     seed: int,
 ) -> NullCalibration:
-    """`plants` pseudo-plants about the analysis `found` of the data, whose replicates are `tables`."""
+    """`plants` pseudo-plants about the analysis `found` of the data, whose replicates are `tables`; holds for
+    `key`."""
     stream = np.random.default_rng(np.random.SeedSequence([seed, 8]))
     points = _posterior_points(found, stream)
     drawn = [_bank(simulator, setup.model, point, seed + 7919 * (k + 1)) for k, point in enumerate(points)]
@@ -104,16 +108,18 @@ def calibrate_null(
         y = pseudo.y + root @ stream.standard_normal(len(root))
         theta = calibrate(setup.model, y, pseudo.S + setup.floor, found.problem.theta)
         statistics.append(analyse(setup, y, pseudo.S, theta).statistics)
-    return NullCalibration(design_key(measured, setup), np.array(statistics))
+    return NullCalibration(key, np.array(statistics))
 
 
-def design_key(measured: Measured, setup: Setup) -> str:
-    """Of the design (conditions, cells, replicates) and the library."""
+def design_key(measured: Measured, setup: Setup, made_by: Sequence[object]) -> str:
+    """sha256 of the design (conditions, cells, replicates), the library and `made_by`: whatever else the null runs
+    depend on, with a repr of its own for each value. Sixty-four digits, however large the design."""
     cells = [
         (repr(measured.frame.conditions[c].settings), measured.frame.summary(i), int(measured.runs[i]))
         for i, c in enumerate(measured.frame.condition)
     ]
-    return f"{setup.known.name}|{sorted(cells)}"
+    text = repr((setup.known.name, sorted(cells), setup.pooled, *made_by))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def aligned(measured: Measured, frame: Frame) -> Measured:
