@@ -19,8 +19,9 @@ from demcore.experiments.pile_case import PileTest
 from demcore.identity import identity
 from demcore.source_hash import hash_sources
 from service.db.session import Database
-from service.domain.data_set.records import Condition, DataSet
+from service.domain.data_set.records import Condition
 from service.domain.diagnosis import DiagnosisOutcome, DiagnosisSpec, Extension, expected_cost
+from service.domain.errors import InvalidValue
 from service.domain.misfit_words import SELF_TESTS, reading
 from service.domain.outcome import StoredArtifact
 from service.file_store import artifact_store
@@ -33,7 +34,7 @@ from worker.diagnosis.analysis import expected_theta
 from worker.diagnosis.card import draw_card
 from worker.diagnosis.diagnose import Diagnosis, Options, diagnose
 from worker.diagnosis.floor import Floor
-from worker.diagnosis.gain import held_out_gain, with_gain
+from worker.diagnosis.gain import can_be_scored, held_out_gain, with_gain
 from worker.diagnosis.next_measurement import next_measurements
 from worker.diagnosis.null_calibration import NullCalibration
 from worker.diagnosis.result import Result
@@ -56,6 +57,11 @@ Report = Callable[[Mapping[str, Any]], bool]
 OPENED_BEFORE = (
     "The held-out conditions were opened by an earlier diagnosis: they are no judge any more, and the gain is not "
     "measured again."
+)
+
+NO_JUDGE = (
+    "No held-out condition is of a material that was calibrated and was observed: the gain cannot be measured, so "
+    "what is named is not claimed."
 )
 
 
@@ -191,10 +197,13 @@ def _card(found: Diagnosis, result: Result, settings: Settings) -> tuple[StoredA
 def _gained(
     claim: DiagnosisClaim, database: Database, simulator: Simulator, found: Diagnosis, options: Options
 ) -> tuple[Result, tuple[str, ...]]:
-    """The result with its gain on the held-out conditions, which are opened once and only for a named effect."""
-    result = found.result
-    if not result.claims or not _held_out(claim.data):
+    """The result with its gain on the held-out conditions, which are opened once and only for a named effect that
+    they can judge."""
+    result, data = found.result, found.usable
+    if not result.claims or data is None or not data.held_out.conditions:
         return result, result.sentences
+    if not can_be_scored(data, found):
+        return result, (*result.sentences, NO_JUDGE)
     may_look: list[bool] = []
 
     def write(session: Any) -> bool:
@@ -204,11 +213,12 @@ def _gained(
     persist(database, write)
     if not may_look[-1]:
         return result, (*result.sentences, OPENED_BEFORE)
-    return with_gain(result, held_out_gain(claim.data, simulator, found, options)), result.sentences
-
-
-def _held_out(data: DataSet) -> bool:
-    return bool(data.held_out.conditions)
+    try:
+        gain = held_out_gain(data, simulator, found, options)
+    except InvalidValue as error:
+        # The verdict stands without it.
+        return result, (*result.sentences, f"The gain on held-out conditions could not be measured: {error}.")
+    return with_gain(result, gain), result.sentences
 
 
 def as_results(result: Result, sentences: Sequence[str]) -> dict[str, Any]:

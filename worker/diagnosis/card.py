@@ -89,10 +89,10 @@ def misfits(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     problem, directions = found.analysis.problem, found.analysis.ranking.directions
     sd = np.sqrt(np.diag(problem.W))
     tables = []
-    for rows in ([], named_directions(found)):
-        fit = fit_linear(found, tuple(rows))
+    for rows in ((), named_directions(found)):
+        fit = fit_linear(found, rows)
         left = problem.r - problem.J @ (fit.theta - 0.5)
-        tables.append((left - directions.f[rows].T @ fit.amplitudes if rows else left) / sd)
+        tables.append((left - directions.f[list(rows)].T @ fit.amplitudes if rows else left) / sd)
     return tables[0], tables[1]
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
@@ -17,16 +18,17 @@ from service.domain.data_set.records import Condition, DataSet
 from service.domain.data_set.suitability import suitability
 from service.domain.effects import Library, library
 from service.domain.errors import InvalidValue
+from service.domain.misfit_words import reading
 from worker.diagnosis.analysis import Analysis, Setup, analyse, expected_theta
 from worker.diagnosis.calibration import calibrate, linearise
 from worker.diagnosis.cost import Counted
 from worker.diagnosis.fingerprints import MOST_REFINED, Prober, refine, screen
 from worker.diagnosis.floor import NO_FLOOR, Floor, Misfits
 from worker.diagnosis.limits import Power, power
-from worker.diagnosis.measured import Frame, Measured, measure, replicate_tables, stated_sd
+from worker.diagnosis.measured import Frame, Measured, Tables, measure, replicate_tables, stated_sd
 from worker.diagnosis.model import Model, Runs, build_model, materials_of, represented, run_effect_free
 from worker.diagnosis.null_calibration import NullCalibration, aligned, calibrate_null, design_key
-from worker.diagnosis.ranking import Ranking
+from worker.diagnosis.ranking import Fitted
 from worker.diagnosis.result import (
     AMBIGUOUS,
     NAMED,
@@ -42,6 +44,7 @@ from worker.diagnosis.result import (
     Where,
 )
 from worker.diagnosis.simulator import FloatArray, Simulator
+from worker.diagnosis.summaries import NAMES
 from worker.diagnosis.verdict import (
     FLAGGED_AT,
     MOST_AMBIGUOUS,
@@ -80,9 +83,11 @@ class Options:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The result with what stands behind it: for the card, the gain and the next measurement."""
+    """The result with what stands behind it: for the card, the gain and the next measurement. `usable` is the part
+    of the data set that may be looked at: conditions that were set aside judge nothing either."""
 
     result: Result
+    usable: DataSet | None = None
     measured: Measured | None = None
     setup: Setup | None = None
     analysis: Analysis | None = None
@@ -146,6 +151,8 @@ def diagnose(
         final_setup, final = _refined(setup, screened, prober, baseline)
     strength = power(final.evidence)
     result = _judge(screened, final, null, strength, p_value, options)
+    unused = _not_used(training.conditions, tables, measured.frame, final_setup.model.frame)
+    sentences = (*judged.sentences, *unused, *result.pop("sentences", ()))
     facts = {
         "model_version": simulator.version,
         "design": key,
@@ -155,9 +162,34 @@ def diagnose(
         "limits": strength.limits,
         "p_value": p_value,
         "cost": {"runs": simulator.runs},
-        "sentences": judged.sentences,
+        "sentences": sentences,
     }
-    return Diagnosis(Result(**result, **facts), baseline.measured, final_setup, final, strength)  # type: ignore[arg-type]
+    said = Result(**result, **facts)  # type: ignore[arg-type]
+    return Diagnosis(said, judged.usable, baseline.measured, final_setup, final, strength)
+
+
+def _not_used(
+    conditions: tuple[Condition, ...], tables: Tables, measured: Frame, used: Frame
+) -> tuple[str, ...]:
+    """What was observed and judges nothing all the same: else silence about it would look like agreement."""
+    seen = {
+        (c.test, int(k))
+        for c in conditions
+        for k in np.flatnonzero(np.isfinite(tables[c.condition]).any(axis=0))
+    }
+    known, kept = measured.summaries, used.summaries
+    reasons = (
+        (
+            seen - known,
+            "how far it scatters between replicates is not known (too few have it, or all are alike)",
+        ),
+        (known - kept, "most simulated tests do not give it"),
+    )
+    return tuple(
+        f"Not used: {', '.join(reading(NAMES[test][k]) for test, k in sorted(left))}; {why}."
+        for left, why in reasons
+        if left
+    )
 
 
 def _null_runs(simulator: Simulator, options: Options) -> tuple[object, ...]:
@@ -269,7 +301,7 @@ def _judge(
     strength: Power,
     p_value: float,
     options: Options,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Verdict, claims, what else is possible, where, and the remainder."""
     rankings = tuple(final.evidence.rank(factor) for factor in TAU_FACTORS)
     none, inside, outside = final.ranking.probabilities
@@ -290,31 +322,51 @@ def _judge(
     return {"verdict": UNEXPLAINED, "unexplained": where(final.ranking), "also_possible": found.possible}
 
 
-def _named(final: Analysis, found: Named, null: NullCalibration, options: Options) -> dict[str, object]:
-    ranking = final.ranking
-    pairs = zip(found.effects, found.inclusion, strict=True)
-    claims = tuple(_claim(ranking, k, inclusion) for k, inclusion in pairs)
-    said: dict[str, object] = {"verdict": NAMED, "claims": claims, "also_possible": found.possible}
+def _named(final: Analysis, found: Named, null: NullCalibration, options: Options) -> dict[str, Any]:
+    """A verdict with claims; `unexplained` where what is named would have a size that is not possible."""
+    known, fitted = final.ranking.known, final.evidence.together(found.effects)
+    claims = tuple(_claim(final, fitted, place, inclusion) for place, inclusion in enumerate(found.inclusion))
+    beyond = [c for c in claims if not _is_possible(c, known)]
+    if beyond:
+        alike = tuple(Possible(c.effect, c.inclusion) for c in claims) + found.possible
+        return {"verdict": UNEXPLAINED, "unexplained": where(final.ranking), "also_possible": alike,
+                "sentences": tuple(_beyond(c, known) for c in beyond)}  # fmt: skip
+    said: dict[str, Any] = {"verdict": NAMED, "claims": claims, "also_possible": found.possible}
     if not options.remainder:
         return said
-    left, blocks = final.evidence.left_over(found.effects, ranking)
+    left, blocks = final.evidence.left_over(found.effects)
     larger = float(np.sum(null.statistics[:, 1] >= left))
     p_value = (1.0 + larger) / (1.0 + len(null.statistics))
     places: tuple[Where, ...] = ()
     if left > max(null.quantile(1, _REMAINDER_QUANTILE), 0.0):
         share = np.exp(blocks - np.max(blocks))
         order = np.argsort(-share)[:3]
-        places = tuple(Where(ranking.blocks[k].label, float(share[k] / np.sum(share))) for k in order)
+        places = tuple(Where(final.ranking.blocks[k].label, float(share[k] / np.sum(share))) for k in order)
         said |= {"verdict": NAMED_WITH_REMAINDER}
     return said | {"remainder": Remainder(p_value, places)}
 
 
-def _claim(ranking: Ranking, k: int, inclusion: float) -> Claim:
-    effect = ranking.known.effects[k]
-    sign = 1.0
-    if not effect.directions_deg:
-        sign = ranking.directions.along[ranking.best[k]][effect.id]
-    size, sd = float(ranking.amplitude[k]), float(ranking.amplitude_sd[k])
+def _claim(final: Analysis, fitted: Fitted, place: int, inclusion: float) -> Claim:
+    """Of the effect at `place` of those that were fitted beside each other."""
+    directions, row = final.ranking.directions, fitted.rows[place]
+    effect = final.ranking.known.effects[int(directions.effect[row])]
+    sign = 1.0 if effect.directions_deg else directions.along[row][effect.id]
+    size, sd = float(fitted.mode[place]), float(np.sqrt(fitted.covariance[place, place]))
     ends = sorted((sign * max(size - _NORMAL_95 * sd, 0.0), sign * (size + _NORMAL_95 * sd)))
     amplitude = Amplitude(sign * size, effect.unit, (ends[0], ends[1]))
     return Claim(effect.id, effect.effect_class, inclusion, amplitude)
+
+
+def _is_possible(claim: Claim, known: Library) -> bool:
+    """Whether its interval meets the effect's physical range."""
+    effect = known[claim.effect]
+    return claim.amplitude.ci90[0] <= effect.highest and claim.amplitude.ci90[1] >= effect.lowest
+
+
+def _beyond(claim: Claim, known: Library) -> str:
+    effect, size = known[claim.effect], claim.amplitude
+    unit = "" if size.unit == "1" else f" {size.unit}"
+    return (
+        f"What is left looks like {claim.effect} ({effect.what}) of {size.value:.3g}{unit}, beyond what is "
+        f"possible ({effect.lowest:g} to {effect.highest:g}{unit}): not named. A wrong unit looks like it."
+    )

@@ -130,7 +130,7 @@ class Emulator:
 
 
 def fit(u: FloatArray, Y: FloatArray) -> Emulator:
-    """From runs at u (n, d) with summaries Y (n, N), all finite."""
+    """From runs at u (n, d) with summaries Y (n, N), all finite; N is 0 for a material without cells."""
     n = len(u)
     centre = np.mean(Y, axis=0)
     spread = np.maximum(np.std(Y, axis=0), 1e-12)
@@ -146,7 +146,7 @@ def fit(u: FloatArray, Y: FloatArray) -> Emulator:
         merits.append(-0.5 * n * np.log(np.maximum(scale, 1e-300)) - 0.5 * np.sum(np.log(d), axis=0)[:, None])
         scales.append(scale)
     merit = np.stack(merits)  # (kernels, noises, N)
-    best = np.argmax(merit.reshape(-1, Z.shape[1]), axis=0)
+    best = np.argmax(merit.reshape(len(kernels) * len(g), Z.shape[1]), axis=0)
     which, level = np.divmod(best, len(g))
     groups, out, out_sd = [], np.empty_like(Z), np.empty_like(Z)
     for k, kernel in enumerate(kernels):

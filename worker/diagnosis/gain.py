@@ -56,16 +56,27 @@ class Fit(NamedTuple):
     gain_matrix: FloatArray
 
 
+def can_be_scored(data: DataSet, found: Diagnosis) -> bool:
+    """Whether a held-out condition has a material that was calibrated, and observations: asked before the block is
+    opened, which is once, so it looks at no value."""
+    if found.setup is None:
+        return False
+    observed = {o.condition for o in data.observations} | {p.condition for p in data.profiles}
+    held = data.held_out.conditions
+    return any(c.material in found.setup.model.materials and c.condition in observed for c in held)
+
+
 def held_out_gain(data: DataSet, simulator: Simulator, found: Diagnosis, options: Options) -> Gain:
     """Of the effects that `found` names, on the held-out conditions of `data`.
 
-    Raises InvalidValue where nothing is named or no held-out condition has a material that was calibrated.
+    Raises InvalidValue where nothing is named, no held-out condition has a material that was calibrated, or
+    nothing that was measured there is simulated.
     """
     if not found.result.claims or found.setup is None or found.analysis is None:
         raise InvalidValue("gain", found.result.verdict, "asked of a diagnosis that names an effect")
     held = _held_out(data, simulator, found, options)
     rows = named_directions(found)
-    base, extended = fit_linear(found, ()), fit_linear(found, tuple(rows))
+    base, extended = fit_linear(found, ()), fit_linear(found, rows)
     F = _fingerprints(simulator, found, held, extended, rows)
     before = _predict(held, base, np.zeros((len(F), 0)))
     after = _predict(held, extended, F)
@@ -96,13 +107,12 @@ def confirmed(result: Result, later: Result) -> Result:
     return replace(result, claims=claims)
 
 
-def named_directions(found: Diagnosis) -> list[int]:
+def named_directions(found: Diagnosis) -> tuple[int, ...]:
     """Rows of the directions (ranking.py) of the effects that are named."""
     if found.analysis is None:
-        return []
-    ranking = found.analysis.ranking
-    known = [effect.id for effect in ranking.known.effects]
-    return [int(ranking.best[known.index(claim.effect)]) for claim in found.result.claims]
+        return ()
+    known = [effect.id for effect in found.analysis.evidence.known.effects]
+    return found.analysis.evidence.together([known.index(c.effect) for c in found.result.claims]).rows
 
 
 def _held_out(data: DataSet, simulator: Simulator, found: Diagnosis, options: Options) -> _Held:
@@ -133,9 +143,7 @@ def fit_linear(found: Diagnosis, rows: tuple[int, ...]) -> Fit:
     assert analysis is not None
     problem, directions = analysis.problem, analysis.ranking.directions
     F = directions.f[list(rows)].T if rows else np.zeros((len(problem.r), 0))
-    fitted = (
-        analysis.ranking.amplitude[[int(directions.effect[row]) for row in rows]] if rows else np.zeros(0)
-    )
+    fitted = analysis.evidence.fitted(rows).mode
     W = problem.W + np.diag(np.sum((FORM_ERROR * F * fitted) ** 2, axis=1))
     tau = directions.tau[list(rows)] if rows else np.zeros(0)
     design = np.hstack([problem.J, F])
@@ -150,7 +158,7 @@ def fit_linear(found: Diagnosis, rows: tuple[int, ...]) -> Fit:
 
 
 def _fingerprints(
-    simulator: Simulator, found: Diagnosis, held: _Held, fit: Fit, rows: list[int]
+    simulator: Simulator, found: Diagnosis, held: _Held, fit: Fit, rows: tuple[int, ...]
 ) -> FloatArray:
     """Of the directions `rows` in the held-out cells (H, k), with the seeds of a refined one."""
     analysis = found.analysis
@@ -196,7 +204,7 @@ def _log_density(y: FloatArray, prediction: _Prediction, cells: FloatArray) -> f
 
 
 def _null_95(
-    found: Diagnosis, held: _Held, base: Fit, extended: Fit, F: FloatArray, rows: list[int]
+    found: Diagnosis, held: _Held, base: Fit, extended: Fit, F: FloatArray, rows: tuple[int, ...]
 ) -> float:
     """The 95 % quantile of the gain when nothing is hidden: training and held-out cells drawn from the linear
     model without effect, both models fitted to them."""

@@ -49,6 +49,12 @@ class Frame:
         return NAMES[self.conditions[self.condition[cell]].test][self.column[cell]]
 
     @property
+    def summaries(self) -> set[tuple[str, int]]:
+        """Test and column of all cells."""
+        tests = (self.conditions[c].test for c in self.condition)
+        return set(zip(tests, self.column, strict=True))
+
+    @property
     def trained(self) -> NDArrayBool:
         """Which cells are of training conditions (N,)."""
         return np.array([not self.conditions[c].holdout for c in self.condition], dtype=bool)

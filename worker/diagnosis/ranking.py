@@ -9,13 +9,16 @@ Named by marginal inclusion, not by the best model: pairs with k count for k.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import nnls
 
 from service.domain.effects import AZIMUTHS, Library
 from worker.diagnosis import unexplained
@@ -86,7 +89,7 @@ def directions_of(known: Library, prints: Fingerprints) -> Directions:
 class Ranking:
     """Log Bayes factors against none: `singles` (E,), `pairs` (E, E) upper triangle, `blocks` (U,).
 
-    `best` (E,) is each effect's best direction, `amplitude` (E,) and `amplitude_sd` (E,) its fit there.
+    `best` (E,) is each effect's best direction, `amplitude` (E,) its fit there, alone.
     """
 
     known: Library
@@ -97,7 +100,6 @@ class Ranking:
     directions: Directions
     best: NDArray[np.intp]
     amplitude: FloatArray
-    amplitude_sd: FloatArray
 
     @property
     def _log_weights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -176,6 +178,15 @@ class Ranking:
         return int(a), int(b)
 
 
+class Fitted(NamedTuple):
+    """Directions `rows` fitted beside each other: mode (k,), 0 or more, and the covariance (k, k) that it has
+    without that bound. Parameters and the fingerprints' form error are in it."""
+
+    rows: tuple[int, ...]
+    mode: FloatArray
+    covariance: FloatArray
+
+
 class Evidence:
     """Residual, fingerprints and covariances of one linearised problem; ranks at any scale of the priors."""
 
@@ -236,7 +247,6 @@ class Evidence:
             d,
             best,
             amplitude,
-            np.sqrt(1.0 / (s + tau**-2.0))[best],
         )
 
     def _formed_pairs(
@@ -263,17 +273,45 @@ class Evidence:
                 shifted[i, j] = pairs[i, j] + self._formed((rows[x], columns[y]), tau) - part[x, y]
         return shifted
 
-    def left_over(self, effects: tuple[int, ...], ranking: Ranking) -> tuple[float, FloatArray]:
+    def together(self, effects: Sequence[int]) -> Fitted:
+        """Effects (indices) as they act beside each other: each along the sign or azimuth that fits best with
+        those of the others. Fitted alone, one takes over what belongs to another."""
+        choices = [np.flatnonzero(self.directions.effect == k).tolist() for k in effects]
+        return self.fitted(max(itertools.product(*choices), key=self._merit))
+
+    def fitted(self, rows: Sequence[int]) -> Fitted:
+        """Of these directions."""
+        if not rows:
+            return Fitted((), np.zeros(0), np.zeros((0, 0)))
+        chosen = np.array(rows, dtype=np.intp)
+        tau = self.directions.tau
+        _, q, S = self._uncertain(tuple(rows), tau)
+        precision = S + np.diag(tau[chosen] ** -2.0)
+        return Fitted(
+            tuple(int(row) for row in rows),
+            _mode(q, precision),
+            np.asarray(np.linalg.inv(precision), dtype=np.float64),
+        )
+
+    def left_over(self, effects: Sequence[int]) -> tuple[float, FloatArray]:
         """After these effects are projected out: ln of the average Bayes factor of the unexplained blocks over
         nothing else, and that of each block (U,)."""
         V = self.problem.V.copy()
-        for k in effects:
-            row = int(ranking.best[k])
-            f, a = self.directions.f[row], float(ranking.amplitude[k])
+        found = self.together(effects)
+        sizes = np.maximum(found.mode, np.sqrt(np.diag(found.covariance)))
+        for row, a in zip(found.rows, sizes.tolist(), strict=True):
+            f = self.directions.f[row]
             V[self._diagonal] += form_variance(f, a, self._seed_noise(row))
             V += (_PROJECTED * a) ** 2 * np.outer(f, f)
         blocks = unexplained.log_bayes(self.blocks, self._d, whiten(self.problem.r, V))
         return _log_sum(blocks + np.log(kind_shares(self.blocks))), blocks
+
+    def _merit(self, rows: Sequence[int]) -> float:
+        """ln posterior density at the mode of these directions, up to a constant."""
+        chosen = np.array(rows, dtype=np.intp)
+        precision = self._S[np.ix_(chosen, chosen)] + np.diag(self.directions.tau[chosen] ** -2.0)
+        a = _mode(self._q[chosen], precision)
+        return float(self._q[chosen] @ a - 0.5 * a @ precision @ a)
 
     def _best_of(self, members: NDArray[np.bool_]) -> NDArray[np.intp]:
         signal = self._q / np.sqrt(np.maximum(np.diag(self._S), 1e-300))
@@ -281,7 +319,17 @@ class Evidence:
 
     def _formed(self, rows: tuple[int, ...], tau: FloatArray) -> float:
         """ln evidence over none of one or two directions, fingerprints uncertain at their fitted amplitudes."""
-        chosen = np.array(rows)
+        scale = tau[np.array(rows)]
+        white, q, S = self._uncertain(rows, tau)
+        gained = white.log_density - self.white.log_density
+        if len(rows) == 1:
+            return gained + float(log_bayes_single(q, np.diag(S), scale)[0])
+        return gained + float(log_bayes_pairs(q, S, scale).log_bayes[0, 1])
+
+    def _uncertain(self, rows: tuple[int, ...], tau: FloatArray) -> tuple[Whitened, FloatArray, FloatArray]:
+        """The residual whitened under V with the form errors of these directions at their fitted amplitudes, and
+        q (k,) and S (k, k) there."""
+        chosen = np.array(rows, dtype=np.intp)
         f, scale = self.directions.f[chosen], tau[chosen]
         q, S = self._q[chosen], self._S[np.ix_(chosen, chosen)]
         white = self.white
@@ -289,14 +337,11 @@ class Evidence:
             amplitudes = np.maximum(np.linalg.solve(S + np.diag(scale**-2.0), q), 0.0)
             V = self.problem.V.copy()
             for k, a in enumerate(amplitudes):
-                V[self._diagonal] += form_variance(f[k], a, self._seed_noise(int(rows[k])))
+                V[self._diagonal] += form_variance(f[k], a, self._seed_noise(rows[k]))
             white = whiten(self.problem.r, V)
             F = white.of(f)
             q, S = F @ white.r, F @ F.T
-        gained = white.log_density - self.white.log_density
-        if len(rows) == 1:
-            return gained + float(log_bayes_single(q, np.diag(S), scale)[0])
-        return gained + float(log_bayes_pairs(q, S, scale).log_bayes[0, 1])
+        return white, q, S
 
     def _seed_noise(self, direction: int) -> FloatArray:
         """Diagonal of w C of a direction (N,), in its scope; parts along two keys add as their squares."""
@@ -304,6 +349,15 @@ class Evidence:
         weight = sum(part**2 * self.prints.weight[self.prints.row(key)] for key, part in keys.items())
         active = self.prints.active[self.prints.row(next(iter(keys)))]
         return np.asarray(weight * np.where(active, self._run_variance, 0.0))
+
+
+def _mode(q: FloatArray, precision: FloatArray) -> FloatArray:
+    """Amplitudes a (k,) of 0 or more with the largest q'a - a' P a / 2."""
+    # scipy 1.17's nnls ends the process where there is nothing to fit.
+    if not len(q):
+        return np.zeros(0)
+    L = np.linalg.cholesky(precision)
+    return np.asarray(nnls(L.T, solve_triangular(L, q, lower=True))[0])
 
 
 def _worth(merit: FloatArray, most: int) -> list[int]:

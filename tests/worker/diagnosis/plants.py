@@ -50,7 +50,13 @@ def measured(
     effects: Mapping[str, float], seed: int = 1, replicates: int = 4, piles_only: bool = False
 ) -> DataSet:
     """Replicates of the stand-in with effects, which scatter as its runs do."""
-    conditions = PILES if piles_only else (*PILES, *CHARGES)
+    return measured_of(PILES if piles_only else (*PILES, *CHARGES), effects, seed, replicates)
+
+
+def measured_of(
+    conditions: tuple[Condition, ...], effects: Mapping[str, float], seed: int = 1, replicates: int = 4
+) -> DataSet:
+    """The same of any conditions."""
     observations = []
     for c in conditions:
         settings = [Setting(THETA, tuple(effects.items()), 1000 * seed + k) for k in range(replicates)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
@@ -12,10 +12,10 @@ from service.domain.data_set.cells import BadDataSet
 from service.domain.data_set.records import Condition, DataSet
 from service.domain.effects import library
 from service.domain.errors import InvalidValue
-from tests.worker.diagnosis.plants import CHARGES, QUICK, diagnosed, measured
+from tests.worker.diagnosis.plants import CHARGES, PILES, QUICK, diagnosed, measured, measured_of
 from worker.diagnosis.cost import estimated_runs
 from worker.diagnosis.diagnose import diagnose
-from worker.diagnosis.gain import confirmed, held_out_gain, with_gain
+from worker.diagnosis.gain import can_be_scored, confirmed, held_out_gain, with_gain
 from worker.diagnosis.identifiability import Plan, identifiability
 from worker.diagnosis.next_measurement import _checks, next_measurements
 from worker.diagnosis.self_tests import run_self_tests
@@ -260,3 +260,62 @@ class Flat(StandIn):
 def test_a_simulation_that_makes_no_pile_at_all_is_refused() -> None:
     with pytest.raises(InvalidValue):
         diagnose(measured({}), Flat(), QUICK)
+
+
+def test_two_named_effects_have_the_sizes_that_they_have_beside_each_other() -> None:
+    """Fitted alone, cohesion takes over what the shaking does, and the shaking would be named with a size of 0."""
+    hidden = {"vibration": 0.5, "cohesion": 0.8}
+    found = diagnose(measured(hidden), StandIn(), QUICK).result
+    assert {c.effect: c.amplitude.value for c in found.claims} == pytest.approx(hidden, rel=0.3)
+    for claim in found.claims:
+        low, high = claim.amplitude.ci90
+        assert low < claim.amplitude.value < high
+
+
+def test_what_would_be_beyond_the_possible_is_not_named() -> None:
+    """A sample's median that is 2.2 times too large is a slip of a unit, not a bias of sampling."""
+    found = diagnose(measured({"sample_bias": 1.2}), StandIn(), QUICK).result
+    assert found.verdict == "unexplained" and not found.claims and found.unexplained
+    assert found.also_possible[0].effect == "sample_bias"
+    assert any("beyond what is possible (-0.5 to 0.5)" in sentence for sentence in found.sentences)
+
+
+def test_a_reading_that_judges_nothing_is_told() -> None:
+    """Of one replicate nobody knows the scatter; and an apex height that never varies has none."""
+    data = measured(dict([HIDDEN]))
+    kept = tuple(
+        dataclasses.replace(o, value=0.3) if o.observable == "apex_height_m" else o
+        for o in data.observations
+        if o.observable != "bulk_density_kg_m3" or o.replicate == "r0"
+    )
+    told = diagnose(DataSet(data.conditions, kept), StandIn(), QUICK).result.sentences
+    assert [s for s in told if "apex height" in s and "bulk density" in s and "Not used" in s]
+
+
+def two_materials(replicates: Mapping[str, int]) -> DataSet:
+    """Piles of coke and pellet, held out ones of both; `replicates` of the held-out conditions by material."""
+    pellet = ("P1", "P3", "P5", "P7")
+    conditions = tuple(
+        dataclasses.replace(c, material="pellet" if c.condition in pellet else "coke") for c in PILES
+    )
+    data = measured_of(conditions, {"cohesion": 1.2})
+    most = {c.condition: replicates.get(c.material, 0) if c.holdout else 4 for c in conditions}
+    kept = tuple(o for o in data.observations if int(o.replicate[1:]) < most[o.condition])
+    return DataSet(conditions, kept)
+
+
+def test_held_out_piles_of_one_of_two_materials_judge() -> None:
+    data = two_materials({"coke": 4})
+    found = diagnose(data, StandIn(), QUICK)
+    assert [c.effect for c in found.result.claims] == ["cohesion"]
+    assert found.usable is not None and can_be_scored(found.usable, found)
+    gain = held_out_gain(found.usable, StandIn(), found, QUICK)
+    assert set(gain.by_condition) == {"P6"} and np.isfinite(gain.null_95)
+
+
+@pytest.mark.parametrize("replicates", [{}, {"coke": 1}, {"coke": 2, "pellet": 1}])
+def test_held_out_piles_that_were_set_aside_judge_nothing(replicates: Mapping[str, int]) -> None:
+    found = diagnose(two_materials(replicates), StandIn(), QUICK)
+    assert found.result.claims and found.usable is not None
+    assert not can_be_scored(found.usable, found)
+    assert any("named but not claimed" in sentence for sentence in found.result.sentences)
