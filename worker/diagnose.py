@@ -120,7 +120,7 @@ class Model(NamedTuple):
 
 def model_of(spec: DiagnosisSpec, runner: Runner, conditions: Sequence[Condition]) -> Model:
     """demcore's piles."""
-    floor, lacking = pile_floor(spec.contact_model, conditions)
+    floor, lacking = pile_floor(spec.contact_model, conditions, spec.grains)
     sentences = (lacking,) if lacking else ()
     return Model(PileSimulator(runner, spec.grains, spec.contact_model), floor, sentences)
 

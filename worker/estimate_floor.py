@@ -13,6 +13,7 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from service.db.session import Database
 from service.domain.data_set.reading import read_data_set
 from service.domain.data_set.records import DataSet
 from service.domain.diagnosis import CONTACT_MODELS
+from service.domain.measured_pile import pile_scale
 from service.settings import get_settings
 from worker.diagnose import StoredRuns
 from worker.diagnosis.diagnose import Options, effect_free_misfits
@@ -41,7 +43,8 @@ def estimate(data: Sequence[DataSet], simulator: Simulator, wave: int = WAVE, se
     options = Options(first_wave=wave, second_wave=0, seed=seed)
     pairs = [effect_free_misfits(one, simulator, options) for one in data]
     conditions = [c for one in data for c in one.conditions]
-    return PileFloor(estimate_floor(pairs), base_radius_of(conditions), len(data))
+    materials = tuple(sorted({c.material for c in conditions}))
+    return PileFloor(estimate_floor(pairs), base_radius_of(conditions), len(data), materials)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -65,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     distinct = {c.settings for one in data for c in one.conditions}
     runs = StoredRuns(Database(settings.resolved_database_url), _say, given.wave * len(distinct))
     found = estimate(data, PileSimulator(runs, given.grains, given.contact_model), given.wave)
+    coarsest = max(pile_scale(c, given.grains) for one in data for c in one.conditions)
+    found = replace(found, coarseness=coarsest)
     _keep(given.out, given.contact_model, {**found.as_record(), "grains": given.grains, "wave": given.wave})
     sys.stdout.write("\n".join(["", *lines(found), ""]))
     return 0

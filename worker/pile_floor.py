@@ -13,6 +13,9 @@ Notation (K summaries of both tests, P effect-free data sets)
     R       radius of the base, m: lengths (toe, curvature, dipole, offset) grow with it
 
 A and B are moments of few data sets: as Student's t with P degrees of freedom, wider in variance by P/(P - 2).
+
+Of other materials, or of grains coarser than those, nobody has seen the floor: there it is the larger of what was
+measured and what is assumed, and a diagnosis says so.
 """
 
 from __future__ import annotations
@@ -28,7 +31,7 @@ import numpy as np
 
 from service.domain.data_set.records import Condition
 from service.domain.errors import InvalidValue
-from service.domain.measured_pile import rig_of
+from service.domain.measured_pile import pile_scale, rig_of
 from worker.diagnosis.floor import KEYS, Floor
 from worker.diagnosis.simulator import FloatArray
 
@@ -57,12 +60,19 @@ NEVER_COMPARED = (
     "How far simulated piles are from real ones that hide nothing was never estimated for {} contacts: it is "
     "assumed, so a verdict is as good as that assumption."
 )
+ELSEWHERE = (
+    "The floor between simulated and real piles was estimated on {}; of {} it was never measured, so it is taken "
+    "as no smaller than an assumed one: a verdict is as good as that assumption."
+)
+# A scale is rounded; so much coarser is none.
+_AS_COARSE = 1.05
 _PILES = [k for k, (test, _) in enumerate(KEYS) if test == "pile"]
 
 
 @dataclass(frozen=True)
 class PileFloor:
-    """One floor as it was estimated with a contact model, on bases of `base_radius`, from `pairs` data sets.
+    """One floor as it was estimated with a contact model, on bases of `base_radius`, from `pairs` data sets of
+    `materials`, whose grains were at most `coarseness` times their real size.
 
     Raises InvalidValue with fewer than four.
     """
@@ -70,6 +80,8 @@ class PileFloor:
     floor: Floor
     base_radius: float
     pairs: int
+    materials: tuple[str, ...] = ()
+    coarseness: float = 1.0
 
     def __post_init__(self) -> None:
         if self.pairs < LEAST_PAIRS:
@@ -87,6 +99,8 @@ class PileFloor:
         return {
             "pairs": self.pairs,
             "base_radius_m": self.base_radius,
+            "materials": list(self.materials),
+            "coarseness": self.coarseness,
             "summaries": [KEYS[k][1] for k in _PILES],
             "shared": _rows(self.floor.shared),
             "own": _rows(self.floor.own),
@@ -101,7 +115,13 @@ def from_record(record: dict[str, Any]) -> PileFloor:
         table = np.zeros((len(KEYS), len(KEYS)))
         table[np.ix_(places, places)] = record[name]
         tables.append(table)
-    return PileFloor(Floor(*tables), record["base_radius_m"], record["pairs"])
+    return PileFloor(
+        Floor(*tables),
+        record["base_radius_m"],
+        record["pairs"],
+        tuple(record["materials"]),
+        record["coarseness"],
+    )
 
 
 class Known(NamedTuple):
@@ -111,12 +131,46 @@ class Known(NamedTuple):
     sentence: str
 
 
-def pile_floor(contact_model: str, conditions: Sequence[Condition]) -> Known:
-    """Of a contact model, for the largest base among these conditions."""
+def pile_floor(contact_model: str, conditions: Sequence[Condition], grains: int) -> Known:
+    """Of a contact model, for the largest base among these conditions, whose piles hold about `grains`."""
     base, stored = base_radius_of(conditions), _stored()
-    if contact_model in stored:
-        return Known(stored[contact_model].on(base), "")
-    return Known(assumed().on(base), NEVER_COMPARED.format(contact_model))
+    if contact_model not in stored:
+        return Known(assumed().on(base), NEVER_COMPARED.format(contact_model))
+    found = stored[contact_model]
+    others = _elsewhere(found, conditions, grains)
+    if not others:
+        return Known(found.on(base), "")
+    return Known(larger(found.on(base), assumed().on(base)), ELSEWHERE.format(_compared(found), others))
+
+
+def larger(measured: Floor, other: Floor) -> Floor:
+    """`measured`, with every variance raised to that of `other` where it is smaller."""
+    tables = [
+        a + np.diag(np.maximum(np.diag(b) - np.diag(a), 0.0))
+        for a, b in ((measured.shared, other.shared), (measured.own, other.own))
+    ]
+    return Floor(*tables)
+
+
+def _elsewhere(found: PileFloor, conditions: Sequence[Condition], grains: int) -> str:
+    """Which of these tests are unlike those that were compared, in words; empty where none is."""
+    materials = sorted({c.material for c in conditions} - set(found.materials))
+    coarsest = max(pile_scale(c, grains) for c in conditions)
+    coarse = f"grains {coarsest:.3g} times coarser than real ones" if _is_coarser(coarsest, found) else ""
+    return " and ".join(part for part in (", ".join(materials), coarse) if part)
+
+
+def _is_coarser(scale: float, found: PileFloor) -> bool:
+    return scale > _AS_COARSE * found.coarseness
+
+
+def _compared(found: PileFloor) -> str:
+    size = (
+        "their real size"
+        if found.coarseness <= _AS_COARSE
+        else f"{found.coarseness:.3g} times their real size"
+    )
+    return f"{found.pairs} data sets of {', '.join(found.materials)} at {size}"
 
 
 def assumed() -> PileFloor:

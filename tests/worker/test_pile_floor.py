@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,9 @@ from worker.diagnosis.stand_in import StandIn
 from worker.estimate_floor import _keep, estimate, lines
 from worker.pile_floor import ASSUMED, LENGTHS, PileFloor, assumed, from_record
 
-PILE = Condition("lab", "pile", "pellet", 40.0, base_diameter_m=0.6)
+# Few grains enough to be simulated at their real size.
+LUMPS = ((0.05, 1.0),)
+PILE = Condition("lab", "pile", "pellet", 40.0, base_diameter_m=0.6, psd=LUMPS)
 ANGLE, TOE = KEYS.index(("pile", "angle")), KEYS.index(("pile", "toe"))
 
 
@@ -64,6 +67,29 @@ def test_a_floor_of_few_pairs_is_none() -> None:
         PileFloor(Floor(nothing, nothing), 0.3, 3)
 
 
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"material": "coke", "psd": None, "base_diameter_m": None}, "of coke"),
+        ({"psd": None}, "of grains 2.83 times"),
+        ({"psd": LUMPS}, ""),
+    ],
+)
+def test_elsewhere_the_floor_is_no_smaller_than_assumed(
+    monkeypatch: pytest.MonkeyPatch, estimated: PileFloor, changed: dict[str, object], words: str
+) -> None:
+    """Estimated on pellets of their real size; coke, and grains simulated coarser, nobody has compared."""
+    tight = Floor(estimated.floor.shared / 1e4, estimated.floor.own / 1e4)
+    of_pellets = replace(estimated, floor=tight, materials=("pellet",))
+    monkeypatch.setattr(pile_floor, "_stored", lambda: {"hertz_mindlin": of_pellets})
+    there = replace(PILE, **changed)
+    found = pile_floor.pile_floor("hertz_mindlin", (PILE, there), 320)
+    assert words in found.sentence and bool(words) == bool(found.sentence)
+    sd = np.sqrt(found.floor.shared[ANGLE, ANGLE])
+    assert (sd >= ASSUMED["angle"] * (1.0 - 1e-9)) == bool(words)
+    assert np.linalg.eigvalsh(found.floor.shared).min() > -1e-9
+
+
 def test_a_contact_model_that_was_never_compared_says_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, estimated: PileFloor
 ) -> None:
@@ -72,8 +98,10 @@ def test_a_contact_model_that_was_never_compared_says_so(
     monkeypatch.setattr(pile_floor, "FILE", path)
     pile_floor._stored.cache_clear()
     try:
-        assert pile_floor.pile_floor("hertz_mindlin", (PILE,)).sentence == ""
-        found = pile_floor.pile_floor("paper", (PILE,))
+        of_pellets = replace(estimated, materials=("pellet",))
+        _keep(path, "hertz_mindlin", of_pellets.as_record())
+        assert pile_floor.pile_floor("hertz_mindlin", (PILE,), 320).sentence == ""
+        found = pile_floor.pile_floor("paper", (PILE,), 320)
     finally:
         pile_floor._stored.cache_clear()
     assert "never estimated for paper contacts" in found.sentence
