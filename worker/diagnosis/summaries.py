@@ -26,8 +26,8 @@ _FLANK = (0.2, 0.8)
 _LEAST_POINTS = 8
 # Below it a cosine or a sine is that of points on the other axis, one degree off.
 _LEAST_TURN = 0.02
-# Standard error of a dipole over that of as many points all around. Lines at 0, 90 and 180 degrees have 1.5; at 0, 60
-# and 120 degrees the sine has 2.6, and a heap that is a little oval would read as tilted.
+# Standard error of a dipole over that of as many points all around. Lines at 0, 90 and 180 degrees have 1.5; at
+# 0, 60 and 120 degrees the sine has 2.6, and a heap that is a little oval would read as tilted.
 _LARGEST_ERROR = 2.5
 
 # By summary: the observable that it is the logarithm of, or is itself.
