@@ -22,6 +22,10 @@ from service.domain.data_set.cells import BadDataSet
 from service.domain.data_set.columns import CONDITIONS, OBSERVATIONS, PROFILES
 from service.domain.data_set.reading import read_data_set
 from service.domain.data_set.tables import read_file
+from service.domain.effect_words import estimate_in_words, size_in_words
+from service.domain.effects import library
+from service.domain.misfit_words import place
+from service.domain.verdict_words import is_one_likely, verdict_sentence
 from service.settings import Settings
 
 POLL_SECONDS = 0.5
@@ -86,7 +90,7 @@ def tell_plan(result: Mapping[str, Any], console: Console) -> None:
     for name in ("cause", "could be", "seen from", "named from", "mistaken for"):
         table.add_column(name, overflow="fold")
     for found in result["effects"]:
-        sizes = [_size(found[name], found["unit"]) for name in ("detectable_from", "nameable_from")]
+        sizes = [_size(found, name) for name in ("detectable_from", "nameable_from")]
         table.add_row(found["effect"], found["verdict"], *sizes, ", ".join(found["alike"]))
     console.print(table, highlight=False)
     for sentence in result["sentences"]:
@@ -96,8 +100,9 @@ def tell_plan(result: Mapping[str, Any], console: Console) -> None:
         console.print(f"{added['condition']} adds: {gained}.", highlight=False, soft_wrap=True)
 
 
-def _size(value: float | None, unit: str) -> str:
-    return "-" if value is None else f"{value:.3g} {'' if unit == '1' else unit}".rstrip()
+def _size(found: Mapping[str, Any], which: str) -> str:
+    size = found[which]
+    return "-" if size is None else size_in_words(found["effect"], size, found["unit"])
 
 
 def follow(client: Client, diagnosis: dict[str, Any], console: Console) -> dict[str, Any]:
@@ -139,33 +144,25 @@ def published(result: Mapping[str, Any]) -> dict[str, Any]:
     return {name: result[name] for name in PUBLISHED}
 
 
-VERDICTS = {
-    "no_misfit": "Consistent with the model: nothing that these data could show is missing.",
-    "named": "The data are consistent with one cause of the library.",
-    "named_with_remainder": "A cause of the library explains part of the misfit; something is left.",
-    "ambiguous": "Something is wrong, and these data do not tell which of several causes it is.",
-    "unexplained": "Something is wrong that no cause of the library explains.",
-    "refused": "No diagnosis: the data or the emulators do not carry one.",
-}
-
-
 def lines(result: Mapping[str, Any]) -> list[str]:
     """What a plant engineer reads, a sentence each."""
-    told = [VERDICTS[result["verdict"]], *result["sentences"]]
-    for claim in result["claims"]:
-        size = claim["amplitude"]
-        low, high = size["ci90"]
-        told.append(
-            f"{claim['effect']} ({claim['level']}): {size['value']:.3g} {size['unit']} (90 % {low:.3g} to "
-            f"{high:.3g}), inclusion {claim['inclusion']:.3f}; equivalent to, within this library."
-        )
-    for group, words in (("also_possible", "Not excluded"), ("unexplained", "Where")):
+    told = [verdict_sentence(result["verdict"], result), *result["sentences"]]
+    told += [_claim(claim) for claim in result["claims"]]
+    likely = "Likeliest" if is_one_likely(result["verdict"], result) else "Not excluded"
+    for group, words in (("also_possible", likely), ("unexplained", "Where")):
         if result[group]:
             names = ", ".join(
-                f"{item.get('effect', item.get('block'))} {item.get('inclusion', item.get('probability')):.2f}"
+                f"{item['effect'] if 'effect' in item else place(item['block'])} "
+                f"{item.get('inclusion', item.get('probability')):.2f}"
                 for item in result[group]
             )
             told.append(f"{words}: {names}.")
+    if result["verdict"] == "no_misfit" and result.get("limits"):
+        sizes = "; ".join(
+            f"{limit['effect']}: {size_in_words(limit['effect'], limit['detectable_from'], limit['unit'])}"
+            for limit in result["limits"]
+        )
+        told.append(f"Shown from: {sizes}.")
     if result["not_testable"]:
         told.append(f"These data cannot show: {', '.join(result['not_testable'])}.")
     if result["gain"]:
@@ -178,3 +175,13 @@ def lines(result: Mapping[str, Any]) -> list[str]:
         told.append(f"Extended model: {result['extended_model']}.")
     told += [f"Next: {item['what']} (cost {item['cost']:g})." for item in result["next_measurement"][:3]]
     return told
+
+
+def _claim(claim: Mapping[str, Any]) -> str:
+    known, name, size = library(), claim["effect"], claim["amplitude"]
+    what = f"{known[name].what} ({name})" if name in known else name
+    told = estimate_in_words(name, size["value"], (size["ci90"][0], size["ci90"][1]), size["unit"])
+    return (
+        f"{what[0].upper()}{what[1:]}, {claim['level']}: equivalent to {told}, in brackets the 90 % interval; "
+        f"inclusion {claim['inclusion']:.3f}, within this library."
+    )

@@ -25,9 +25,10 @@ from typing import Any, Self
 
 from service.client.charge import OVER as OVER_TASKS
 from service.client.commands import FILES
-from service.client.diagnose import VERDICTS, lines, read_tables
+from service.client.diagnose import lines, read_tables
 from service.client.rest import Client
 from service.client.tables import short
+from service.domain.verdict_words import VERDICTS
 from service.settings import get_settings
 
 POLL_SECONDS = 1.0

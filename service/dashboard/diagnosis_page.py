@@ -12,14 +12,17 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 from sqlalchemy.orm import Session
 
+from service.dashboard.formats import NOTHING
 from service.dashboard.pages import Before, database_of, draw_parts, list_page, parse_id, parts_answer
 from service.dashboard.rendering import PageRoute, page
 from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS_VERDICTS
 from service.db import read_diagnoses
 from service.db.models import ArtifactRow, DataSetRow, DiagnosisRow, JobRow
 from service.db.read_diagnoses import DiagnosisView
+from service.domain.effect_words import estimate_in_words, size_in_words
 from service.domain.effects import library
 from service.domain.states import OPEN_JOBS, is_over
+from service.domain.verdict_words import is_one_likely
 from service.errors import NotFound
 
 router = APIRouter(include_in_schema=False, route_class=PageRoute)
@@ -30,14 +33,11 @@ PARTS = ("diagnosis_state", "diagnosis_card", "diagnosis_claims", "diagnosis_lim
 
 @dataclass(frozen=True)
 class ClaimLine:
-    """One claim in words: what it is, how large, how sure, and what would settle it."""
+    """One claim in words: what it is, how large (with its interval), how sure, and what would settle it."""
 
     effect: str
     what: str
-    value: float
-    low: float
-    high: float
-    unit: str
+    size: str
     inclusion: float
     level: str
     check: str
@@ -95,8 +95,8 @@ class DiagnosisPage:
                 effect=found["effect"],
                 what=known[found["effect"]].what if found["effect"] in known else "",
                 verdict=found["verdict"],
-                detectable_from=_amplitude(found["detectable_from"], found["unit"]),
-                nameable_from=_amplitude(found["nameable_from"], found["unit"]),
+                detectable_from=_size(found, "detectable_from"),
+                nameable_from=_size(found, "nameable_from"),
                 alike=found["alike"],
             )
             for found in self.result.get("effects", ())
@@ -124,14 +124,18 @@ class DiagnosisPage:
         ]
 
     @property
+    def is_one_likely(self) -> bool:
+        return is_one_likely(self.diagnosis.verdict, self.result)
+
+    @property
     def limits(self) -> Sequence[tuple[str, str, str]]:
-        """Effect, what it is, and the amplitude from which on these data would show it."""
+        """Effect, what it is, and the size in plant words from which on these data would show it."""
         known = library()
         return [
             (
                 limit["effect"],
                 known[limit["effect"]].what if limit["effect"] in known else "",
-                _amplitude(limit["detectable_from"], limit["unit"]),
+                _size(limit, "detectable_from"),
             )
             for limit in self.result.get("limits", ())
         ]
@@ -143,22 +147,16 @@ def _claim(claim: Mapping[str, Any]) -> ClaimLine:
     return ClaimLine(
         effect=name,
         what=name if effect is None else effect.what,
-        value=size["value"],
-        low=size["ci90"][0],
-        high=size["ci90"][1],
-        unit=_unit(size["unit"]),
+        size=estimate_in_words(name, size["value"], (size["ci90"][0], size["ci90"][1]), size["unit"]),
         inclusion=claim["inclusion"],
         level=claim["level"],
         check="" if effect is None else effect.check.what,
     )
 
 
-def _amplitude(value: float | None, unit: str) -> str:
-    return "–" if value is None else f"{value:.3g} {_unit(unit)}".rstrip()
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
+def _size(found: Mapping[str, Any], which: str) -> str:
+    size = found[which]
+    return NOTHING if size is None else size_in_words(found["effect"], size, found["unit"])
 
 
 def read_diagnosis_page(session: Session, diagnosis_id: int) -> DiagnosisPage | None:

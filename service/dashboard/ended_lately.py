@@ -14,10 +14,10 @@ from service.dashboard.words import (
     CHARGE_STATES,
     DIAGNOSIS_STATES,
     DIAGNOSIS_TONES,
-    DIAGNOSIS_VERDICTS,
     STOPS,
     STUDY_STATES,
     Word,
+    diagnosis_verdict,
     look_up,
 )
 from service.db import dashboard_reads
@@ -82,7 +82,7 @@ def _diagnosis(row: DiagnosisRow) -> Ended:
     results: Mapping[str, Any] = row.results or {}
     word, tone = look_up(DIAGNOSIS_STATES, row.state), _tone(row.state)
     if row.verdict:
-        word, tone = look_up(DIAGNOSIS_VERDICTS, row.verdict), DIAGNOSIS_TONES.get(row.verdict, "")
+        word, tone = diagnosis_verdict(row.verdict, results), DIAGNOSIS_TONES.get(row.verdict, "")
     known = library()
     named = [known[claim["effect"]].what for claim in results.get("claims", ()) if claim["effect"] in known]
     outcome = ", ".join(named) or word.meaning

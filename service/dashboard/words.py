@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from service.domain.diagnosis import PLAN
 from service.domain.observables import OBSERVABLES
 from service.domain.search_space import PARAMETERS
 from service.domain.strategy import STRATEGIES
+from service.domain.verdict_words import ONE_LIKELY, is_one_likely
+from service.domain.verdict_words import VERDICTS as VERDICTS_IN_WORDS
 
 
 @dataclass(frozen=True)
@@ -110,15 +113,13 @@ DIAGNOSIS_STATES: Mapping[str, Word] = {
     "CANCELLED": Word("stopped", "A user stopped it. Its simulations stay for the next one."),
 }
 DIAGNOSIS_VERDICTS: Mapping[str, Word] = {
-    "no_misfit": Word("no misfit", "Nothing that these data could show is missing in the model."),
-    "named": Word("named", "The data are consistent with one cause of the library."),
-    "named_with_remainder": Word("named, with remainder", "A cause explains part of it; something is left."),
-    "ambiguous": Word(
-        "ambiguous", "Something is wrong; these data do not tell which of several causes it is."
-    ),
-    "unexplained": Word("unexplained", "Something is wrong that no cause of the library explains."),
+    "no_misfit": Word("no misfit", VERDICTS_IN_WORDS["no_misfit"]),
+    "named": Word("named", VERDICTS_IN_WORDS["named"]),
+    "named_with_remainder": Word("named, with remainder", VERDICTS_IN_WORDS["named_with_remainder"]),
+    "ambiguous": Word("ambiguous", VERDICTS_IN_WORDS["ambiguous"]),
+    "unexplained": Word("unexplained", VERDICTS_IN_WORDS["unexplained"]),
     PLAN: Word("plan", "What these tests could show, before they are made."),
-    "refused": Word("refused", "The data or the emulators do not carry a diagnosis."),
+    "refused": Word("refused", VERDICTS_IN_WORDS["refused"]),
 }
 DIAGNOSIS_TONES: Mapping[str, str] = {
     "no_misfit": "good",
@@ -215,6 +216,12 @@ def strategy_meaning(name: str) -> str:
 def parameter_meaning(name: str) -> str:
     known = PARAMETERS.get(name)
     return known.meaning if known else name
+
+
+def diagnosis_verdict(verdict: str, results: Mapping[str, Any] | None) -> Word:
+    """The word for a verdict; an ambiguous one that knows of one cause only has another sentence."""
+    found = look_up(DIAGNOSIS_VERDICTS, verdict)
+    return replace(found, meaning=ONE_LIKELY) if is_one_likely(verdict, results) else found
 
 
 def look_up(words: Mapping[str, Word], key: object) -> Word:

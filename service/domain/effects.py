@@ -14,6 +14,8 @@ from service.domain.errors import InvalidValue
 
 # An azimuth between the simulated directions of an effect is a combination of their fingerprints.
 AZIMUTHS = 24
+FACTOR_E, FACTOR_10, PERCENT, DOUBLING, NUMBER = "factor_e", "factor_10", "percent", "doubling", "number"
+TOLD_AS = (FACTOR_E, FACTOR_10, PERCENT, DOUBLING, NUMBER)
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,23 @@ class Check:
 
     what: str
     cost: float
+
+
+@dataclass(frozen=True)
+class Told:
+    """How an engineer reads an amplitude (effect_words.py): `as_` one of TOLD_AS, put where `words` has its {}.
+
+    Raises InvalidValue for another `as_`, and for words without just one place.
+    """
+
+    as_: str
+    words: str
+
+    def __post_init__(self) -> None:
+        if self.as_ not in TOLD_AS:
+            raise InvalidValue("told.as", self.as_, "one of " + ", ".join(TOLD_AS))
+        if self.words.count("{}") != 1:
+            raise InvalidValue("told.words", self.words, "words with one {}")
 
 
 @dataclass(frozen=True)
@@ -49,6 +68,7 @@ class Effect:
     law: str
     amplitude: str
     unit: str
+    told: Told
     lowest: float
     highest: float
     scale: float
@@ -140,6 +160,7 @@ def _effect(name: str, entry: Mapping[str, Any]) -> Effect:
         law=entry["law"],
         amplitude=entry["amplitude"],
         unit=entry["unit"],
+        told=Told(entry["told"]["as"], entry["told"]["words"]),
         lowest=entry["range"][0],
         highest=entry["range"][1],
         scale=entry["scale"],

@@ -2,7 +2,8 @@
 
 1 misfit by observable and condition after re-calibration, in sd; 2 probability that each effect is needed, with
 the .95 line, what is not testable in grey; 3 the map with the named effects; 4 held-out gain by condition. The
-sentence says "consistent with" and never "proved", with the size, what is not excluded and what would confirm it.
+sentence says "consistent with" and never "proved", with the size in plant words (effect_words.py), what is not
+excluded and what would confirm it.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from service.domain.effect_words import estimate_in_words
 from service.domain.effects import Library
 from service.domain.misfit_words import place, reading
+from service.domain.verdict_words import ONE_LIKELY
 from worker.diagnosis.diagnose import Diagnosis
 from worker.diagnosis.gain import fit_linear, named_directions
 from worker.diagnosis.measured import Frame
@@ -192,9 +195,13 @@ def sentence(result: Result, known: Library | None) -> str:
     if result.verdict == REFUSED:
         return " ".join(result.sentences)
     if result.verdict == NO_MISFIT:
-        said = "What was measured is consistent with the calibrated model; effects below the limits may hide."
-        return said + after
+        said = "What was measured is consistent with the calibrated model: nothing larger than the limits of these"
+        return f"{said} data was detected; what is smaller may hide.{after}"
     possible = ", ".join(p.effect for p in result.also_possible[:4])
+    if result.verdict == AMBIGUOUS and len(result.also_possible) == 1:
+        likely = result.also_possible[0].effect
+        what = f"{known[likely].what} ({likely})" if known is not None and likely in known else likely
+        return f"{ONE_LIKELY} Within this library: {what}.{after}"
     if result.verdict == AMBIGUOUS:
         return f"Within this library the misfit is consistent with any of: {possible}.{after}"
     if result.verdict == UNEXPLAINED:
@@ -203,24 +210,17 @@ def sentence(result: Result, known: Library | None) -> str:
     stated = "; ".join(_stated(claim, known) for claim in result.claims)
     rest = f" Not excluded: {possible}." if possible else ""
     left = " Something else remains." if result.verdict != "named" else ""
-    return f"Within this library the misfit is consistent with: {stated}.{rest}{left}{after}"
+    return (
+        f"Within this library the misfit is consistent with: {stated}. In brackets the 90 % interval."
+        f"{rest}{left}{after}"
+    )
 
 
 def _stated(claim: Claim, known: Library | None) -> str:
-    what = claim.effect if known is None else f"{known[claim.effect].what} ({known[claim.effect].amplitude})"
-    amplitude = claim.amplitude
-    value, low, high = (_plain(v, amplitude.unit) for v in (amplitude.value, *amplitude.ci90))
-    confirm = "" if known is None else f"; {known[claim.effect].check.what} would confirm it"
-    return f"{what}, equivalent to {value} ({low} to {high}){confirm}"
-
-
-def _plain(value: float, unit: str) -> str:
-    """In mm, degrees or per cent."""
-    if unit == "m":
-        return f"{1000.0 * value:+.0f} mm"
-    if unit == "deg":
-        return f"{value:+.1f} degrees"
-    return f"{value:+.2g}"
+    what = claim.effect if known is None else known[claim.effect].what
+    size = estimate_in_words(claim.effect, claim.amplitude.value, claim.amplitude.ci90, claim.amplitude.unit)
+    confirm = "" if known is None else f"; to confirm: {known[claim.effect].check.what}"
+    return f"{what}, equivalent to {size}{confirm}"
 
 
 def _wrapped(text: str, width: int) -> list[str]:

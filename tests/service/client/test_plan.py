@@ -28,7 +28,7 @@ def test_a_diagnosis_still_needs_observations(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_an_answer_is_a_line_a_cause_and_what_adds_most() -> None:
-    effect = {"effect": "cohesion", "unit": "N/m", "detectable_from": 0.0123, "nameable_from": None}
+    effect = {"effect": "cohesion", "unit": "1", "detectable_from": 0.123, "nameable_from": None}
     text = io.StringIO()
     tell_plan(
         {
@@ -39,9 +39,9 @@ def test_an_answer_is_a_line_a_cause_and_what_adds_most() -> None:
                 {"condition": "dry", "nameable": []},
             ],
         },
-        Console(file=text, width=100),
+        Console(file=text, width=120),
     )
     told = text.getvalue()
-    assert "cohesion  detectable  0.0123 N/m  -           shape_roll" in told
+    assert "cohesion  detectable  Bond number 0.12 at 4 % moisture  -           shape_roll" in told
     assert "No cause could be named." in told
     assert "wet adds: cohesion." in told and "dry adds: no further cause." in told

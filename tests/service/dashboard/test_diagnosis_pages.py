@@ -111,7 +111,8 @@ def test_one_that_waits_says_what_it_will_cost(client: TestClient, asked: int) -
 def test_a_verdict_is_told_in_words_with_card_limits_and_files(client: TestClient, told: int) -> None:
     text = client.get(f"/diagnoses/{told}").text
     assert "the cylinder was lifted at another speed than stated" in text
-    assert "0.62" in text and "0.5 and 0.74" in text and "inclusion 0.991" in text
+    assert "1.9 (1.6 to 2.1) times the stated lift speed" in text and "inclusion 0.991" in text
+    assert "0.81 or 1.2 times the stated lift speed" in text  # from which size on it shows
     assert "to confirm, film the lift" in text
     assert "gains" in text and "12.3 nats" in text
     assert "baseline+lift_speed" in text and "Silent in these data: belt_speed." in text
@@ -132,7 +133,25 @@ def test_a_plan_tells_what_its_tests_could_show(client: TestClient, database: Da
     assert "what planned tests could show" in text and "The card" not in text
     assert "<b>held</b> adds: cohesion." in text and "One cause could be named." in text
     assert "the cylinder was lifted at another speed than stated" in text
-    assert "0.21" in text and "–" in text and "density" in text
+    assert "0.81 or 1.2 times the stated lift speed" in text and "–" in text and "density" in text
+
+
+def test_no_verdict_says_more_than_its_test(client: TestClient, database: Database, told: int) -> None:
+    likely = [{"effect": "cohesion", "inclusion": 0.93}]
+
+    def page_of(verdict: str, **changes: Any) -> str:
+        with database.writing() as session:
+            row = session.get_one(DiagnosisRow, told)
+            row.verdict, row.results = verdict, {**RESULT, "claims": [], "verdict": verdict, **changes}
+        return client.get(f"/diagnoses/{told}").text
+
+    assert "nothing larger than the limits of these data was detected" in page_of("no_misfit")
+    one = page_of("ambiguous", also_possible=likely)
+    assert "one cause is the likeliest, but it is not named" in one and "which of several causes" not in one
+    assert "The likeliest, but not named, with how probable it is" in one
+    assert "one cause is the likeliest" in client.get("/diagnoses").text
+    two = page_of("ambiguous", also_possible=[*likely, {"effect": "density", "inclusion": 0.5}])
+    assert "which of several causes" in two and "one cause is the likeliest" not in two
 
 
 def test_the_policy_and_pages_that_are_not_there(client: TestClient, told: int) -> None:

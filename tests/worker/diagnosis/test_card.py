@@ -49,7 +49,8 @@ def test_the_sentence_is_consistent_with_and_never_proves() -> None:
     _, found = diagnosed("belt_speed", -0.08)
     said = sentence(found.result, QUICK.known)
     assert "consistent with" in said and "prove" not in said
-    assert "the belt runs at another speed" in said and "tachometer" in said
+    assert "the belt runs at another speed" in said and "to confirm: tachometer on the belt" in said
+    assert "equivalent to belt speed -" in said and "In brackets the 90 % interval." in said
 
 
 def test_every_verdict_has_a_sentence() -> None:
@@ -57,7 +58,10 @@ def test_every_verdict_has_a_sentence() -> None:
     quiet = dataclasses.replace(found.result, verdict="no_misfit")
     assert "calibrated model" in sentence(quiet, QUICK.known)
     unsure = dataclasses.replace(quiet, verdict="ambiguous", also_possible=(Possible("density", 0.5),))
-    assert "any of: density" in sentence(unsure, QUICK.known)
+    likely = sentence(unsure, QUICK.known)
+    assert "one cause is the likeliest, but it is not named" in likely and "(density)" in likely
+    several = dataclasses.replace(unsure, also_possible=(Possible("density", 0.5), Possible("cohesion", 0.4)))
+    assert "any of: density, cohesion" in sentence(several, QUICK.known)
     strange = dataclasses.replace(quiet, verdict="unexplained", unexplained=(Where("condition:P1", 0.9),))
     assert "condition P1" in sentence(strange, QUICK.known)
 

@@ -75,6 +75,68 @@ def test_a_tilted_cone_has_a_dipole() -> None:
     assert found["dipole_s"][0] == pytest.approx(0.0, abs=1e-9)
 
 
+SLOPE = math.tan(math.radians(35.0))
+
+
+def lines_over_a_cone(azimuths: list[float], offset: tuple[float, float] = (0.0, 0.0)) -> Surfaces:
+    """Scan lines from the axis outwards over a cone of 35 degrees whose summit stands at `offset`, m."""
+    theta, r = (grid.ravel() for grid in np.meshgrid(azimuths, np.linspace(0.05, 0.5, 25)))
+    x, y = r * np.cos(np.radians(theta)), r * np.sin(np.radians(theta))
+    height = SLOPE * (0.6 - np.hypot(x - offset[0], y - offset[1]))
+    return Surfaces(theta, r, height[None, :])
+
+
+@pytest.mark.parametrize(
+    ("azimuths", "told"),
+    [
+        ([0.0], ""),
+        ([40.0], ""),
+        ([0.0, 90.0], ""),
+        ([0.0, 180.0], "c"),
+        ([90.0, 270.0], "s"),
+        ([30.0, 210.0], ""),
+        ([0.0, 10.0, 20.0], ""),
+        ([0.0, 60.0, 120.0], "c"),
+        ([0.0, 90.0, 180.0], "cs"),
+        ([0.0, 120.0, 240.0], "cs"),
+        ([0.0, 90.0, 180.0, 270.0], "cs"),
+    ],
+)
+def test_a_dipole_is_told_where_the_azimuths_tell_it(azimuths: list[float], told: str) -> None:
+    centred, moved = (
+        of_surface(lines_over_a_cone(azimuths, offset)) for offset in ((0.0, 0.0), (0.02, 0.01))
+    )
+    for axis, way in (("c", 0.02), ("s", 0.01)):
+        if axis in told:
+            assert centred[f"dipole_{axis}"][0] == pytest.approx(0.0, abs=1e-12)
+            # Of a cone beside the axis: its slope times the way, to the first order of way over radius.
+            assert moved[f"dipole_{axis}"][0] == pytest.approx(SLOPE * way, abs=0.15 * SLOPE * 0.02)
+        else:
+            assert math.isnan(centred[f"dipole_{axis}"][0]) and math.isnan(moved[f"dipole_{axis}"][0])
+    # One line has a flank, whatever else it has not.
+    assert centred["slope"][0] == pytest.approx(35.0) and centred["toe"][0] == pytest.approx(0.6)
+    assert centred["curvature"][0] == pytest.approx(0.0, abs=1e-9)
+    assert all(np.isfinite(moved[name][0]) for name in ("slope", "toe", "curvature"))
+
+
+def test_a_line_through_the_axis_tells_its_own_way_exactly() -> None:
+    found = of_surface(lines_over_a_cone([0.0, 180.0], (0.03, 0.0)))
+    assert found["dipole_c"][0] == pytest.approx(SLOPE * 0.03, abs=1e-12)
+
+
+def test_a_surface_scanned_all_around_keeps_its_bits() -> None:
+    """The plain fit of all four columns, as stored runs were read."""
+    theta, r = (np.tile((np.arange(24) + 0.5) * 15.0, 10), np.repeat((np.arange(10) + 0.5) * 0.03, 24))
+    angle = np.radians(theta)
+    ring = np.column_stack([np.ones(240), np.cos(angle), np.sin(angle), r])
+    scatter = np.random.default_rng(5).normal(0.0, 0.01, (8, 240))
+    heights = np.maximum(SLOPE * (0.28 - r) + 0.004 * np.cos(angle) + scatter, 0.0)
+    found = of_surface(Surfaces(theta, r, heights))
+    for k, h in enumerate(heights):
+        wave = np.linalg.lstsq(ring, h, rcond=None)[0]
+        assert (found["dipole_c"][k], found["dipole_s"][k]) == (wave[1], wave[2])
+
+
 def test_a_surface_without_a_flank_says_nothing() -> None:
     flat = Surfaces(np.zeros(20), np.linspace(0.0, 1.0, 20), np.full((1, 20), 0.3))
     assert math.isnan(of_surface(flat)["slope"][0])
