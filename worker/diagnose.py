@@ -30,6 +30,7 @@ from service.studies.open_held_out import open_held_out
 from service.studies.stored_runs import find_runs, store_run
 from worker import diagnosis
 from worker.diagnosis.analysis import expected_theta
+from worker.diagnosis.calibrated import kept_baseline, kept_extension
 from worker.diagnosis.card import draw_card
 from worker.diagnosis.diagnose import Diagnosis, Options, diagnose
 from worker.diagnosis.floor import Floor
@@ -156,9 +157,14 @@ def evaluate_diagnosis(
     if result.calibration is not None and result.calibration.key not in claim.calibrations:
         content = {"statistics": result.calibration.statistics.tolist()}
         calibration = (result.calibration.key, content)
-    told = {**as_results(result, sentences), "self_tests": [asdict(test) for test in self_tests]}
+    told = {
+        **as_results(result, sentences),
+        "baseline": kept_baseline(simulator, found),
+        "self_tests": [asdict(test) for test in self_tests],
+    }
     card = _card(found, result, settings)
-    return DiagnosisOutcome(result.verdict, told, _extension(result), calibration, card)
+    extension = _extension(result, kept_extension(simulator, found))
+    return DiagnosisOutcome(result.verdict, told, extension, calibration, card)
 
 
 def _self_tests(simulator: Simulator, found: Diagnosis, options: Options) -> tuple[SelfTestOutcome, ...]:
@@ -221,11 +227,11 @@ def as_results(result: Result, sentences: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _extension(result: Result) -> Extension | None:
+def _extension(result: Result, parameters: Mapping[str, Any] | None) -> Extension | None:
     if not result.claims:
         return None
     effects = {
         claim.effect: {**asdict(claim.amplitude), "inclusion": claim.inclusion, "level": claim.level}
         for claim in result.claims
     }
-    return Extension(result.model_version, effects)
+    return Extension(result.model_version, effects, parameters)

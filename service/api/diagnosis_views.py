@@ -143,8 +143,10 @@ class DiagnosisAnswer(BaseModel):
     verdict: str | None
     result: dict[str, Any] | None = Field(
         description="verdict, claims, also_possible, not_testable, indistinguishable, unexplained, remainder,"
-        " gain, next_measurement, cost, model_version; with limits, sentences and the extended model's"
-        " name. Of a plan: verdict, effects, adds, sentences, cost, model_version"
+        " gain, next_measurement, cost, model_version; with limits, sentences, self_tests, the"
+        " extended model's name, and `baseline`: the calibrated parameters by material and name (value and 90 %"
+        " interval without any effect, and averaged over the models), with their covariance in units of the"
+        " search box. Of a plan: verdict, effects, adds, sentences, cost, model_version"
     )
     failure_class: str | None
     failure_text: str | None
@@ -193,6 +195,10 @@ class ModelVersionAnswer(BaseModel):
     diagnosis: int
     base: str = Field(description="the simulator that it extends, with its code")
     effects: dict[str, Any] = Field(description="by effect: value, unit and 90 % interval of the amplitude")
+    parameters: dict[str, Any] | None = Field(
+        description="the contact parameters calibrated beside the effects: value and 90 % interval by material"
+        " and name, and the covariance of both; null in versions made before they were kept"
+    )
     withdrawn_at: datetime | None
     created_at: datetime | None
 
@@ -205,6 +211,7 @@ class ModelVersionAnswer(BaseModel):
             diagnosis=row.diagnosis_id,
             base=row.base,
             effects=row.effects,
+            parameters=row.parameters,
             withdrawn_at=as_utc(row.withdrawn_at),
             created_at=as_utc(row.created_at),
         )

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from service.dashboard.pages import Before, database_of, draw_parts, list_page, parse_id, parts_answer
 from service.dashboard.rendering import PageRoute, page
-from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS_VERDICTS
+from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS_VERDICTS, parameter_name
 from service.db import read_diagnoses
 from service.db.models import ArtifactRow, DataSetRow, DiagnosisRow, JobRow
 from service.db.read_diagnoses import DiagnosisView
@@ -25,7 +25,14 @@ from service.errors import NotFound
 router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
 PAGE_SIZE = 50
-PARTS = ("diagnosis_state", "diagnosis_card", "diagnosis_claims", "diagnosis_limits", "diagnosis_files")
+PARTS = (
+    "diagnosis_state",
+    "diagnosis_card",
+    "diagnosis_claims",
+    "diagnosis_limits",
+    "diagnosis_parameters",
+    "diagnosis_files",
+)
 
 
 @dataclass(frozen=True)
@@ -41,6 +48,17 @@ class ClaimLine:
     inclusion: float
     level: str
     check: str
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """One contact parameter of a material without any effect, with its 90 % interval."""
+
+    material: str
+    name: str
+    value: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -113,6 +131,16 @@ class DiagnosisPage:
     @property
     def claims(self) -> Sequence[ClaimLine]:
         return [_claim(claim) for claim in self.result.get("claims", ())]
+
+    @property
+    def calibrated(self) -> Sequence[Calibrated]:
+        """The baseline on the conditions learnt from; none where it was not kept."""
+        kept = self.result.get("baseline") or {}
+        return [
+            Calibrated(material, parameter_name(name), found["value"], *found["ci90"])
+            for material, parameters in kept.get("parameters", {}).items()
+            for name, found in parameters.items()
+        ]
 
     @property
     def possible(self) -> Sequence[tuple[str, str, float]]:

@@ -61,8 +61,9 @@ class DiagnosisRow(OfProject, Base):
 
 
 class ModelVersionRow(OfProject, Base):
-    """The model extended with named effects: `effects` by id, each with its amplitude and 90 % interval. `base`
-    names the simulator and its code. A version that is withdrawn stays visible and can no longer be used."""
+    """The model extended with named effects: `effects` by id, each with its amplitude and 90 % interval;
+    `parameters`: the contact parameters calibrated beside them, with their joint posterior. `base` names the
+    simulator and its code. A version that is withdrawn stays visible and can no longer be used."""
 
     __tablename__ = "model_versions"
     __table_args__ = (
@@ -77,6 +78,7 @@ class ModelVersionRow(OfProject, Base):
     diagnosis_id: Mapped[int] = mapped_column(ForeignKey("diagnoses.id", ondelete="CASCADE"))
     base: Mapped[str] = mapped_column(String(100))
     effects: Mapped[dict[str, Any]]
+    parameters: Mapped[dict[str, Any] | None]
     withdrawn_at: Mapped[float | None]
     created_at: Mapped[float] = mapped_column(default=database_now())
 

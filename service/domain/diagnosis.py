@@ -159,10 +159,12 @@ def expected_cost(spec: DiagnosisSpec, conditions: Sequence[Condition]) -> Diagn
 
 @dataclass(frozen=True)
 class Extension:
-    """The model with the named effects: the simulator's version, and of each effect value, unit and ci90."""
+    """The model with the named effects: the simulator's version, of each effect value, unit and ci90, and the
+    contact parameters that go with them (worker/diagnosis/calibrated.py)."""
 
     base: str
     effects: Mapping[str, Mapping[str, Any]]
+    parameters: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,7 @@ def _extend(session: Session, diagnosis: DiagnosisRow, extension: Extension) -> 
         diagnosis_id=diagnosis.id,
         base=extension.base,
         effects={name: dict(effect) for name, effect in extension.effects.items()},
+        parameters=None if extension.parameters is None else dict(extension.parameters),
     )
     session.add(row)
     session.flush()

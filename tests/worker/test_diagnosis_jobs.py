@@ -101,7 +101,26 @@ def diagnosed(worker: InProcessWorker, case: Case, **changes: Any) -> dict[str, 
     assert view is not None
     assert [(file.kind, file.media_type) for file in view.artifacts] == [("card", "image/png")]
     assert {test["id"] for test in row.results["self_tests"]} == {t.id for t in library().self_tests}
+    assert_kept(row.results["baseline"], {c.material for c in case.data.training.conditions})
     return row.results
+
+
+def assert_kept(kept: dict[str, Any], materials: set[str], effects: Sequence[str] = ()) -> None:
+    """Every parameter of every material, in its box and its interval, and a covariance with a row for each."""
+    box = {p.name: (p.lower, p.upper) for p in StandIn().parameters}
+    assert {m: set(parameters) for m, parameters in kept["parameters"].items()} == {
+        m: set(box) for m in materials
+    }
+    for parameters in kept["parameters"].values():
+        for name, found in parameters.items():
+            low, high = found["ci90"]
+            assert box[name][0] <= low <= found["value"] <= high <= box[name][1]
+            assert low < high
+            assert effects or box[name][0] <= found["averaged"] <= box[name][1]
+    covariance = np.array(kept["covariance"])
+    assert len(kept["rows"]) == len(materials) * len(box) + len(effects) == len(covariance)
+    assert list(kept["rows"][len(kept["rows"]) - len(effects) :]) == list(effects)
+    assert np.allclose(covariance, covariance.T) and np.all(np.linalg.eigvalsh(covariance) > 0.0)
 
 
 @pytest.mark.usefixtures("stand_in")
@@ -123,6 +142,9 @@ def test_a_hidden_effect_is_found_named_and_its_gain_measured(worker: InProcessW
                 select(ModelVersionRow).where(ModelVersionRow.name == found["extended_model"])
             ).one()
         assert set(version.effects) == names
+        assert version.parameters is not None
+        materials = {c.material for c in case.data.training.conditions}
+        assert_kept(version.parameters, materials, list(version.effects))
         assert version.base == found["model_version"]
         assert data_set(worker.database, version.diagnosis_id).opened_by == version.diagnosis_id
     assert right >= 1
