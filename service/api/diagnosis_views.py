@@ -7,11 +7,12 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from service.api.study_parts import STRICT
+from service.api.study_parts import STRICT, ModelVersion
 from service.api.views import ArtifactAnswer, as_utc
 from service.db.models import DataSetRow, ModelVersionRow
 from service.db.read_diagnoses import DiagnosisView
 from service.domain.diagnosis import DiagnosisSpec, PlanSpec
+from service.domain.model_use import ModelUse
 from service.domain.plain_text import clean_text
 from service.domain.states import DesignState, JobState
 
@@ -116,12 +117,14 @@ class DiagnosisBody(BaseModel):
     )
     plants: Annotated[int, Field(description="effect-free pseudo-plants")] = _DEFAULT.plants
     seed: int = _DEFAULT.seed
+    model_version: ModelVersion = None
     plan: PlanBody | None = None
 
     def to_spec(self) -> DiagnosisSpec:
         """What the domain is asked. Raises InvalidValue."""
         plan = None if self.plan is None else self.plan.to_spec()
-        return DiagnosisSpec(**self.model_dump(exclude={"plan"}), plan=plan)
+        model = ModelUse.asked(self.model_version, 0.0)
+        return DiagnosisSpec(**self.model_dump(exclude={"plan", "model_version"}), plan=plan, model=model)
 
 
 class DiagnosisCostBody(BaseModel):
@@ -191,10 +194,12 @@ class ModelVersionAnswer(BaseModel):
 
     id: int
     name: str
-    parent: int | None
+    parent: int | None = Field(description="the version that it extends; null: the baseline")
     diagnosis: int
     base: str = Field(description="the simulator that it extends, with its code")
-    effects: dict[str, Any] = Field(description="by effect: value, unit and 90 % interval of the amplitude")
+    effects: dict[str, Any] = Field(
+        description="by effect: value, unit and 90 % interval of the amplitude; its parent's are among them"
+    )
     parameters: dict[str, Any] | None = Field(
         description="the contact parameters calibrated beside the effects: value and 90 % interval by material"
         " and name, and the covariance of both; null in versions made before they were kept"

@@ -6,8 +6,8 @@ Notation (M materials, d parameters each, D = M d, k named effects)
     averaged    theta averaged over all models by how probable each is (analysis.expected_theta), where the
                 self-tests ran
 
-The first two are linear about the parameters of the last analysis, in the unit boxes; values and intervals are told in the
-parameters' own units, intervals cut at the box.
+The first two are linear about the parameters of the last analysis, in the unit boxes; values and intervals are
+told in the parameters' own units, intervals cut at the box.
 """
 
 from __future__ import annotations
