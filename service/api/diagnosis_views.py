@@ -11,6 +11,7 @@ from service.api.study_parts import STRICT, ModelVersion
 from service.api.views import ArtifactAnswer, as_utc
 from service.db.models import DataSetRow, ModelVersionRow
 from service.db.read_diagnoses import DiagnosisView
+from service.domain.claims import ClaimCheck, JudgedClaim
 from service.domain.diagnosis import DiagnosisSpec, PlanSpec
 from service.domain.model_use import ModelUse
 from service.domain.plain_text import clean_text
@@ -135,6 +136,41 @@ class DiagnosisCostBody(BaseModel):
     text: str
 
 
+class ClaimCheckBody(BaseModel):
+    """What the check of a claim showed. Checks are appended; the last one counts."""
+
+    model_config = ConfigDict(**STRICT)
+
+    state: Annotated[str, Field(description="confirmed or withdrawn", examples=["confirmed"])]
+    note: Annotated[str, Field(description="what was seen"), AfterValidator(clean_text)] = ""
+
+    def to_check(self) -> ClaimCheck:
+        """What the domain is told. Raises InvalidValue."""
+        return ClaimCheck.asked(self.state, self.note)
+
+
+class ClaimCheckAnswer(BaseModel):
+    """One check of a claim."""
+
+    state: str
+    note: str
+    at: datetime | None
+
+
+class ClaimAnswer(BaseModel):
+    """A claim and what became of it."""
+
+    effect: str
+    state: str = Field(description="proposed, confirmed or withdrawn: by the last of its checks")
+    level: str = Field(description="named, claim (gains on held-out data), strong claim (and is confirmed)")
+    checks: list[ClaimCheckAnswer] = Field(description="the oldest first")
+
+    @classmethod
+    def of(cls, claim: JudgedClaim) -> Self:
+        checks = [ClaimCheckAnswer(state=c.outcome.value, note=c.note, at=as_utc(c.at)) for c in claim.checks]
+        return cls(effect=claim.effect, state=claim.state, level=claim.level, checks=checks)
+
+
 class DiagnosisAnswer(BaseModel):
     """One diagnosis: what was asked for, how far it is, what it says."""
 
@@ -151,6 +187,7 @@ class DiagnosisAnswer(BaseModel):
         " interval without any effect, and averaged over the models), with their covariance in units of the"
         " search box. Of a plan: verdict, effects, adds, sentences, cost, model_version"
     )
+    claims: list[ClaimAnswer] = Field(description="what became of the claims of the result")
     failure_class: str | None
     failure_text: str | None
     job_id: str | None
@@ -170,7 +207,8 @@ class DiagnosisAnswer(BaseModel):
             spec=row.spec,
             cost=DiagnosisCostBody(**row.cost),
             verdict=row.verdict,
-            result=row.results,
+            result=view.results,
+            claims=[ClaimAnswer.of(claim) for claim in view.claims],
             failure_class=row.failure_class,
             failure_text=row.failure_text,
             job_id=job.id if job else None,

@@ -18,6 +18,7 @@ from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS
 from service.db import read_diagnoses
 from service.db.models import ArtifactRow, DataSetRow, DiagnosisRow, JobRow
 from service.db.read_diagnoses import DiagnosisView
+from service.domain.claims import ClaimCheck, JudgedClaim
 from service.domain.effects import library
 from service.domain.states import OPEN_JOBS, is_over
 from service.errors import NotFound
@@ -29,6 +30,7 @@ PARTS = (
     "diagnosis_state",
     "diagnosis_card",
     "diagnosis_claims",
+    "diagnosis_checks",
     "diagnosis_limits",
     "diagnosis_parameters",
     "diagnosis_files",
@@ -37,7 +39,7 @@ PARTS = (
 
 @dataclass(frozen=True)
 class ClaimLine:
-    """One claim in words: what it is, how large, how sure, and what would settle it."""
+    """One claim in words: what it is, how large, how sure, what would settle it, and what checks made of it."""
 
     effect: str
     what: str
@@ -48,6 +50,8 @@ class ClaimLine:
     inclusion: float
     level: str
     check: str
+    is_withdrawn: bool
+    checks: Sequence[ClaimCheck]
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,7 @@ class DiagnosisPage:
 
     @property
     def result(self) -> Mapping[str, Any]:
-        return self.diagnosis.results or {}
+        return self.view.results or {}
 
     @property
     def is_over(self) -> bool:
@@ -130,7 +134,8 @@ class DiagnosisPage:
 
     @property
     def claims(self) -> Sequence[ClaimLine]:
-        return [_claim(claim) for claim in self.result.get("claims", ())]
+        found = zip(self.result.get("claims", ()), self.view.claims, strict=True)
+        return [_claim(claim, checked) for claim, checked in found]
 
     @property
     def calibrated(self) -> Sequence[Calibrated]:
@@ -165,7 +170,7 @@ class DiagnosisPage:
         ]
 
 
-def _claim(claim: Mapping[str, Any]) -> ClaimLine:
+def _claim(claim: Mapping[str, Any], checked: JudgedClaim) -> ClaimLine:
     size, name = claim["amplitude"], claim["effect"]
     effect = next((e for e in library().effects if e.id == name), None)
     return ClaimLine(
@@ -178,6 +183,8 @@ def _claim(claim: Mapping[str, Any]) -> ClaimLine:
         inclusion=claim["inclusion"],
         level=claim["level"],
         check="" if effect is None else effect.check.what,
+        is_withdrawn=checked.is_withdrawn,
+        checks=checked.checks,
     )
 
 

@@ -23,6 +23,7 @@ from service.db.base import Base, Id, OfProject, stored_enum
 from service.db.charge_models import ChargeRow, GeometryRow
 from service.db.clock import database_now
 from service.db.diagnosis_models import (
+    ClaimCheckRow,
     DataSetRow,
     DiagnosisRow,
     ModelVersionRow,
@@ -38,6 +39,7 @@ __all__ = [
     "Base",
     "BudgetChangeRow",
     "ChargeRow",
+    "ClaimCheckRow",
     "DataSetRow",
     "DesignRow",
     "DiagnosisRow",
