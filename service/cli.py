@@ -92,6 +92,7 @@ def calibrate(file: Path, out: Path | None) -> None:
 @click.option("--second-wave", type=int, help="and about the re-calibrated parameters")
 @click.option("--plants", type=int, help="effect-free pseudo-plants, at least 100")
 @click.option("--seed", type=int, help="the same seed gives the same diagnosis")
+@click.option("--model", "model_version", help="a version of the model, diagnosed in place of the baseline")
 def diagnose(dataset: Path, as_json: bool, **options: object) -> None:
     """Find what the simulation gets wrong of the measured tables in the folder DATASET, and name the cause.
 
@@ -113,6 +114,7 @@ def diagnose(dataset: Path, as_json: bool, **options: object) -> None:
 @click.option("--contact-model", help="paper or hertz_mindlin")
 @click.option("--first-wave", type=int, help="runs of each condition over the whole box")
 @click.option("--seed", type=int, help="the same seed gives the same answer")
+@click.option("--model", "model_version", help="a version of the model, in place of the baseline")
 def plan(folder: Path, as_json: bool, **options: Any) -> None:
     """Say what the tests of FOLDER/conditions.csv could show, before they are made.
 

@@ -22,6 +22,7 @@ from service.db.session import Database
 from service.domain.data_set.records import Condition
 from service.domain.diagnosis import DiagnosisOutcome, DiagnosisSpec, Extension, expected_cost
 from service.domain.errors import InvalidValue
+from service.domain.extended_model import ALONG
 from service.domain.misfit_words import SELF_TESTS, reading
 from service.domain.outcome import StoredArtifact
 from service.file_store import artifact_store
@@ -31,10 +32,11 @@ from service.studies.open_held_out import open_held_out
 from service.studies.stored_runs import find_runs, store_run
 from worker import diagnosis
 from worker.diagnosis.analysis import expected_theta
+from worker.diagnosis.calibrated import kept_baseline, kept_extension
 from worker.diagnosis.card import draw_card
 from worker.diagnosis.diagnose import Diagnosis, Options, diagnose
 from worker.diagnosis.floor import Floor
-from worker.diagnosis.gain import can_be_scored, held_out_gain, with_gain
+from worker.diagnosis.gain import can_be_scored, held_out_gain, named_directions, with_gain
 from worker.diagnosis.next_measurement import next_measurements
 from worker.diagnosis.null_calibration import NullCalibration
 from worker.diagnosis.result import Result
@@ -119,10 +121,11 @@ class Model(NamedTuple):
 
 
 def model_of(spec: DiagnosisSpec, runner: Runner, conditions: Sequence[Condition]) -> Model:
-    """demcore's piles."""
+    """demcore's piles, of the version of the model that is diagnosed."""
     floor, lacking = pile_floor(spec.contact_model, conditions, spec.grains)
     sentences = (lacking,) if lacking else ()
-    return Model(PileSimulator(runner, spec.grains, spec.contact_model), floor, sentences)
+    simulator = PileSimulator(runner, spec.grains, spec.contact_model, model=spec.model)
+    return Model(simulator, floor, sentences)
 
 
 @cache
@@ -162,9 +165,14 @@ def evaluate_diagnosis(
     if result.calibration is not None and result.calibration.key not in claim.calibrations:
         content = {"statistics": result.calibration.statistics.tolist()}
         calibration = (result.calibration.key, content)
-    told = {**as_results(result, sentences), "self_tests": [asdict(test) for test in self_tests]}
+    told = {
+        **as_results(result, sentences),
+        "baseline": kept_baseline(simulator, found),
+        "self_tests": [asdict(test) for test in self_tests],
+    }
     card = _card(found, result, settings)
-    return DiagnosisOutcome(result.verdict, told, _extension(result), calibration, card)
+    extension = _extension(result, found, kept_extension(simulator, found))
+    return DiagnosisOutcome(result.verdict, told, extension, calibration, card)
 
 
 def _self_tests(simulator: Simulator, found: Diagnosis, options: Options) -> tuple[SelfTestOutcome, ...]:
@@ -231,11 +239,18 @@ def as_results(result: Result, sentences: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _extension(result: Result) -> Extension | None:
-    if not result.claims:
+def _extension(result: Result, found: Diagnosis, parameters: Mapping[str, Any] | None) -> Extension | None:
+    """What is found on top of the model that was diagnosed. An effect that has a direction keeps it, for who
+    simulates with it."""
+    if not result.claims or found.analysis is None:
         return None
-    effects = {
-        claim.effect: {**asdict(claim.amplitude), "inclusion": claim.inclusion, "level": claim.level}
-        for claim in result.claims
-    }
-    return Extension(result.model_version, effects)
+    directions, known = found.analysis.ranking.directions, found.analysis.ranking.known
+    effects: dict[str, dict[str, Any]] = {}
+    for claim, row in zip(result.claims, named_directions(found), strict=True):
+        size = claim.amplitude
+        effects[claim.effect] = {**asdict(size), "inclusion": claim.inclusion, "level": claim.level}
+        if known[claim.effect].directions_deg:
+            parts = directions.along[row].items()
+            effects[claim.effect][ALONG] = {key: size.value * part for key, part in parts}
+    # The version's own name stands before the @; its parent says it.
+    return Extension(result.model_version.rpartition("@")[2], effects, parameters)

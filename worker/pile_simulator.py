@@ -25,6 +25,7 @@ from demcore.run import OnProgress
 from service.domain.data_set.records import Condition
 from service.domain.effects import Library, library
 from service.domain.measured_pile import acting_effects, cannot_simulate, measured_pile, rig_of
+from service.domain.model_use import ModelUse
 from service.domain.search_space import default_space
 from worker.diagnosis.sensors import is_sensor, misread, misread_surface
 from worker.diagnosis.simulator import FloatArray, Outcomes, Parameter, Setting, Surfaces
@@ -120,17 +121,23 @@ def _number(value: float | None) -> float:
 @dataclass(frozen=True)
 class PileSimulator:
     """demcore's pile test as a Simulator. `grains` about which a pile is made of; `contact_model` as demcore's;
-    `known` is the library whose scopes hold."""
+    `known` is the library whose scopes hold; `model` a version in place of the baseline, to whose effects
+    those of a setting are added."""
 
     runner: Runner
     grains: int = GRAINS
     contact_model: str = "paper"
     known: Library = field(default_factory=library)
+    model: ModelUse | None = None
 
     @property
     def version(self) -> str:
-        """Of the model: the code, its contact model and its coarseness."""
-        return f"demcore-{identity(())[:12]}-{self.contact_model}-{self.grains}"
+        """Of the model: the code, its contact model and its coarseness; before an @ the version with a hash of its
+        effects, since another project may have another one of that name."""
+        simulator = f"demcore-{identity(())[:12]}-{self.contact_model}-{self.grains}"
+        if self.model is None:
+            return simulator
+        return f"{self.model.name}:{identity(self.model.effects)[:8]}@{simulator}"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -139,7 +146,8 @@ class PileSimulator:
 
     def cannot(self, condition: Condition) -> str | None:
         """Why this test cannot be made."""
-        return cannot_simulate(condition, self.grains, self.contact_model)
+        effects = None if self.model is None else self.model.effects
+        return cannot_simulate(condition, self.grains, self.contact_model, effects)
 
     def run(self, condition: Condition, settings: Sequence[Setting]) -> Outcomes:
         """See Simulator. Raises ValueError for a condition that it cannot represent."""
@@ -162,14 +170,14 @@ class PileSimulator:
         try:
             return self.pile_test(condition, setting)
         except InputError:
-            if not setting.effects:
+            if not setting.effects and self.model is None:
                 raise
             return None
 
     def pile_test(self, condition: Condition, setting: Setting) -> PileTest:
         """The test of one run. Raises demcore's InputError for what cannot be."""
         numbers = dict(zip((p.name for p in self.parameters), setting.parameters, strict=True))
-        own = dict(setting.effects)
+        own = self._amplitudes(setting)
         finer = math.exp(3.0 * own.get("self_coarse_graining", 0.0))
         grains = round(self.grains * finer * (1.0 - own.get("self_particle_number", 0.0)))
         ideal = measured_pile(
@@ -178,3 +186,10 @@ class PileSimulator:
         ideal = replace(ideal, time_step_factor=math.exp(-own.get("self_time_step", 0.0)))
         ideal = with_effect(ideal, "soft_stiffness", own.get("self_stiffness", 0.0))
         return with_effects(ideal, acting_effects(self.known, condition, own))
+
+    def _amplitudes(self, setting: Setting) -> dict[str, float]:
+        """By effect key: the model's, and the setting's added."""
+        found = {} if self.model is None else dict(self.model.effects)
+        for key, amplitude in setting.effects:
+            found[key] = found[key] + amplitude if key in found else amplitude
+        return found

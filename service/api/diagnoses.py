@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Path, Query, Response
 from sqlalchemy.orm import Session
 
 from service.api.dependencies import LARGEST_ID, DatabaseDep, IdCursor, Limit, RowId
 from service.api.diagnosis_views import (
+    ClaimCheckBody,
     DataSetAnswer,
     DataSetBody,
     DataSetList,
@@ -25,8 +26,9 @@ from service.db.models import DataSetRow, ModelVersionRow
 from service.db.read_diagnoses import DiagnosisView
 from service.domain.data_set.cells import BadCell, BadDataSet
 from service.domain.data_set.reading import data_set_from_tables
-from service.errors import Conflict, FieldError, InvalidRequest, NotFound
+from service.errors import Conflict, FieldError, InvalidRequest, NotFound, brief
 from service.studies.cancel_job import JobNotCancellable, cancel_job
+from service.studies.check_claim import NoSuchClaim, check_claim
 from service.studies.create_diagnosis import create_diagnosis
 from service.studies.create_study import KeyReused
 from service.studies.store_data_set import store_data_set
@@ -37,6 +39,7 @@ router = APIRouter(prefix="/v1", tags=["diagnoses"])
 MOST_CELLS = 100
 
 DataSetFilter = Annotated[int | None, Query(ge=1, le=LARGEST_ID)]
+Claimed = Annotated[str, Path(description="id of the claimed effect", max_length=64)]
 MEASUREMENTS_PATH = "/v1/measurements"
 
 
@@ -141,6 +144,28 @@ def post_cancel(diagnosis_id: RowId, database: DatabaseDep) -> DiagnosisAnswer:
             raise Conflict(f"Diagnosis {diagnosis_id} cannot be cancelled: {error}.") from error
         session.flush()
         session.expire_all()
+        return DiagnosisAnswer.of(_diagnosis(session, diagnosis_id))
+
+
+@router.post(
+    "/diagnoses/{diagnosis_id}/claims/{claimed}",
+    status_code=200,
+    operation_id="checkClaim",
+    responses=problem_responses(404, 409, 422),
+)
+def post_check(
+    diagnosis_id: RowId, claimed: Claimed, body: ClaimCheckBody, database: DatabaseDep
+) -> DiagnosisAnswer:
+    """Record what the check of a claimed effect showed: it is confirmed, or withdrawn with the model versions that
+    rest on it. A withdrawn claim stays visible. Twice is as once."""
+    check = body.to_check()
+    with database.writing() as session:
+        try:
+            found = check_claim(session, diagnosis_id, claimed, check)
+        except NoSuchClaim as error:
+            raise NotFound(f"Diagnosis {diagnosis_id} has no claim of {brief(claimed)}: {error}.") from error
+        if found is None:
+            raise NotFound(f"There is no diagnosis {diagnosis_id}.")
         return DiagnosisAnswer.of(_diagnosis(session, diagnosis_id))
 
 

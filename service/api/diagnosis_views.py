@@ -7,11 +7,13 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from service.api.study_parts import STRICT
+from service.api.study_parts import STRICT, ModelVersion
 from service.api.views import ArtifactAnswer, as_utc
 from service.db.models import DataSetRow, ModelVersionRow
 from service.db.read_diagnoses import DiagnosisView
+from service.domain.claims import ClaimCheck, JudgedClaim
 from service.domain.diagnosis import DiagnosisSpec, PlanSpec
+from service.domain.model_use import ModelUse
 from service.domain.plain_text import clean_text
 from service.domain.states import DesignState, JobState
 
@@ -116,12 +118,14 @@ class DiagnosisBody(BaseModel):
     )
     plants: Annotated[int, Field(description="effect-free pseudo-plants")] = _DEFAULT.plants
     seed: int = _DEFAULT.seed
+    model_version: ModelVersion = None
     plan: PlanBody | None = None
 
     def to_spec(self) -> DiagnosisSpec:
         """What the domain is asked. Raises InvalidValue."""
         plan = None if self.plan is None else self.plan.to_spec()
-        return DiagnosisSpec(**self.model_dump(exclude={"plan"}), plan=plan)
+        model = ModelUse.asked(self.model_version, 0.0)
+        return DiagnosisSpec(**self.model_dump(exclude={"plan", "model_version"}), plan=plan, model=model)
 
 
 class DiagnosisCostBody(BaseModel):
@@ -130,6 +134,41 @@ class DiagnosisCostBody(BaseModel):
     runs: int
     hours: float = Field(description="of one core")
     text: str
+
+
+class ClaimCheckBody(BaseModel):
+    """What the check of a claim showed. Checks are appended; the last one counts."""
+
+    model_config = ConfigDict(**STRICT)
+
+    state: Annotated[str, Field(description="confirmed or withdrawn", examples=["confirmed"])]
+    note: Annotated[str, Field(description="what was seen"), AfterValidator(clean_text)] = ""
+
+    def to_check(self) -> ClaimCheck:
+        """What the domain is told. Raises InvalidValue."""
+        return ClaimCheck.asked(self.state, self.note)
+
+
+class ClaimCheckAnswer(BaseModel):
+    """One check of a claim."""
+
+    state: str
+    note: str
+    at: datetime | None
+
+
+class ClaimAnswer(BaseModel):
+    """A claim and what became of it."""
+
+    effect: str
+    state: str = Field(description="proposed, confirmed or withdrawn: by the last of its checks")
+    level: str = Field(description="named, claim (gains on held-out data), strong claim (and is confirmed)")
+    checks: list[ClaimCheckAnswer] = Field(description="the oldest first")
+
+    @classmethod
+    def of(cls, claim: JudgedClaim) -> Self:
+        checks = [ClaimCheckAnswer(state=c.outcome.value, note=c.note, at=as_utc(c.at)) for c in claim.checks]
+        return cls(effect=claim.effect, state=claim.state, level=claim.level, checks=checks)
 
 
 class DiagnosisAnswer(BaseModel):
@@ -143,9 +182,12 @@ class DiagnosisAnswer(BaseModel):
     verdict: str | None
     result: dict[str, Any] | None = Field(
         description="verdict, claims, also_possible, not_testable, indistinguishable, unexplained, remainder,"
-        " gain, next_measurement, cost, model_version; with limits, sentences and the extended model's"
-        " name. Of a plan: verdict, effects, adds, sentences, cost, model_version"
+        " gain, next_measurement, cost, model_version; with limits, sentences, self_tests, the"
+        " extended model's name, and `baseline`: the calibrated parameters by material and name (value and 90 %"
+        " interval without any effect, and averaged over the models), with their covariance in units of the"
+        " search box. Of a plan: verdict, effects, adds, sentences, cost, model_version"
     )
+    claims: list[ClaimAnswer] = Field(description="what became of the claims of the result")
     failure_class: str | None
     failure_text: str | None
     job_id: str | None
@@ -165,7 +207,8 @@ class DiagnosisAnswer(BaseModel):
             spec=row.spec,
             cost=DiagnosisCostBody(**row.cost),
             verdict=row.verdict,
-            result=row.results,
+            result=view.results,
+            claims=[ClaimAnswer.of(claim) for claim in view.claims],
             failure_class=row.failure_class,
             failure_text=row.failure_text,
             job_id=job.id if job else None,
@@ -189,10 +232,16 @@ class ModelVersionAnswer(BaseModel):
 
     id: int
     name: str
-    parent: int | None
+    parent: int | None = Field(description="the version that it extends; null: the baseline")
     diagnosis: int
     base: str = Field(description="the simulator that it extends, with its code")
-    effects: dict[str, Any] = Field(description="by effect: value, unit and 90 % interval of the amplitude")
+    effects: dict[str, Any] = Field(
+        description="by effect: value, unit and 90 % interval of the amplitude; its parent's are among them"
+    )
+    parameters: dict[str, Any] | None = Field(
+        description="the contact parameters calibrated beside the effects: value and 90 % interval by material"
+        " and name, and the covariance of both; null in versions made before they were kept"
+    )
     withdrawn_at: datetime | None
     created_at: datetime | None
 
@@ -205,6 +254,7 @@ class ModelVersionAnswer(BaseModel):
             diagnosis=row.diagnosis_id,
             base=row.base,
             effects=row.effects,
+            parameters=row.parameters,
             withdrawn_at=as_utc(row.withdrawn_at),
             created_at=as_utc(row.created_at),
         )

@@ -57,5 +57,5 @@ def post_diagnosis_estimate(body: DiagnosisBody, database: DatabaseDep) -> Estim
     """What this diagnosis would take; refused as it itself would be."""
     spec = body.to_spec()
     with database.reading() as session:
-        cost = check_diagnosis(session, spec)
+        _, cost = check_diagnosis(session, spec)
     return EstimateAnswer(runs=cost.runs, seconds=3600.0 * cost.hours, text=cost.sentence())

@@ -15,10 +15,11 @@ from sqlalchemy.orm import Session
 from service.dashboard.formats import NOTHING
 from service.dashboard.pages import Before, database_of, draw_parts, list_page, parse_id, parts_answer
 from service.dashboard.rendering import PageRoute, page
-from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS_VERDICTS
+from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS_VERDICTS, parameter_name
 from service.db import read_diagnoses
 from service.db.models import ArtifactRow, DataSetRow, DiagnosisRow, JobRow
 from service.db.read_diagnoses import DiagnosisView
+from service.domain.claims import ClaimCheck, JudgedClaim
 from service.domain.effect_words import estimate_in_words, size_in_words
 from service.domain.effects import library
 from service.domain.states import OPEN_JOBS, is_over
@@ -28,12 +29,21 @@ from service.errors import NotFound
 router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
 PAGE_SIZE = 50
-PARTS = ("diagnosis_state", "diagnosis_card", "diagnosis_claims", "diagnosis_limits", "diagnosis_files")
+PARTS = (
+    "diagnosis_state",
+    "diagnosis_card",
+    "diagnosis_claims",
+    "diagnosis_checks",
+    "diagnosis_limits",
+    "diagnosis_parameters",
+    "diagnosis_files",
+)
 
 
 @dataclass(frozen=True)
 class ClaimLine:
-    """One claim in words: what it is, how large (with its interval), how sure, and what would settle it."""
+    """One claim in words: what it is, how large with its interval, how sure, what would settle it, and what checks
+    made of it."""
 
     effect: str
     what: str
@@ -41,6 +51,19 @@ class ClaimLine:
     inclusion: float
     level: str
     check: str
+    is_withdrawn: bool
+    checks: Sequence[ClaimCheck]
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """One contact parameter of a material without any effect, with its 90 % interval."""
+
+    material: str
+    name: str
+    value: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -72,7 +95,7 @@ class DiagnosisPage:
 
     @property
     def result(self) -> Mapping[str, Any]:
-        return self.diagnosis.results or {}
+        return self.view.results or {}
 
     @property
     def is_over(self) -> bool:
@@ -112,7 +135,18 @@ class DiagnosisPage:
 
     @property
     def claims(self) -> Sequence[ClaimLine]:
-        return [_claim(claim) for claim in self.result.get("claims", ())]
+        found = zip(self.result.get("claims", ()), self.view.claims, strict=True)
+        return [_claim(claim, checked) for claim, checked in found]
+
+    @property
+    def calibrated(self) -> Sequence[Calibrated]:
+        """The baseline on the conditions learnt from; none where it was not kept."""
+        kept = self.result.get("baseline") or {}
+        return [
+            Calibrated(material, parameter_name(name), found["value"], *found["ci90"])
+            for material, parameters in kept.get("parameters", {}).items()
+            for name, found in parameters.items()
+        ]
 
     @property
     def possible(self) -> Sequence[tuple[str, str, float]]:
@@ -141,7 +175,7 @@ class DiagnosisPage:
         ]
 
 
-def _claim(claim: Mapping[str, Any]) -> ClaimLine:
+def _claim(claim: Mapping[str, Any], checked: JudgedClaim) -> ClaimLine:
     size, name = claim["amplitude"], claim["effect"]
     effect = next((e for e in library().effects if e.id == name), None)
     return ClaimLine(
@@ -151,6 +185,8 @@ def _claim(claim: Mapping[str, Any]) -> ClaimLine:
         inclusion=claim["inclusion"],
         level=claim["level"],
         check="" if effect is None else effect.check.what,
+        is_withdrawn=checked.is_withdrawn,
+        checks=checked.checks,
     )
 
 

@@ -25,6 +25,7 @@ from service.dashboard.rendering import POLICY, PageRoute, page
 from service.dashboard.study_page import count_verdicts, read_study_page
 from service.dashboard.words import DIAGNOSIS_STATES, DIAGNOSIS_TONES, DIAGNOSIS_VERDICTS
 from service.db.models import ArtifactRow
+from service.domain.diagnosis import request_of as diagnosis_request_of
 from service.domain.spec_record import primary_response, request_of
 from service.errors import NotFound
 from service.file_store import artifact_store
@@ -84,7 +85,7 @@ def diagnosis_report(request: Request, diagnosis_id: str) -> Response:
         tones=DIAGNOSIS_TONES,
         states=DIAGNOSIS_STATES,
         picture=_embedded(request, shown.card),
-        request=json.dumps(dict(shown.diagnosis.spec), indent=1),
+        request=json.dumps(diagnosis_request_of(shown.diagnosis.spec), indent=1),
     )
 
 

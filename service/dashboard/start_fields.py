@@ -62,7 +62,7 @@ def study_fields(versions: Sequence[ModelVersionRow] = ()) -> tuple[FieldGroup, 
     choices = {
         "material": tuple((name, _material(name)) for name in material_names()),
         "strategy": tuple((name, f"{name.replace('_', ' ')}: {told}") for name, told in STRATEGIES.items()),
-        "model_version": (("", "baseline"), *((row.name, row.name) for row in versions)),
+        "model_version": _versions(versions),
     }
     groups = _groups("study", choices)
     return tuple(replace(g, fields=_ranges()) if g.title == SEARCHED else g for g in groups)
@@ -78,13 +78,21 @@ def measurement_fields() -> tuple[FieldGroup, ...]:
     return _groups("measurement", {})
 
 
-def diagnosis_fields(stored: Sequence[DataSetRow], chosen: int | None) -> tuple[FieldGroup, ...]:
-    """Of POST /v1/diagnoses. `stored`: the data sets that may be diagnosed; `chosen`: the one to begin with."""
+def diagnosis_fields(
+    stored: Sequence[DataSetRow], chosen: int | None, versions: Sequence[ModelVersionRow] = ()
+) -> tuple[FieldGroup, ...]:
+    """Of POST /v1/diagnoses. `stored`: the data sets that may be diagnosed; `chosen`: the one to begin with;
+    `versions`: of the model, that may be used."""
     choices = {
         "data_set": tuple((str(row.id), f"{row.id}: {row.name}") for row in stored),
         "contact_model": tuple((name, name.replace("_", " ")) for name in CONTACT_MODELS),
+        "model_version": _versions(versions),
     }
     return _groups("diagnosis", choices, {} if chosen is None else {"data_set": str(chosen)})
+
+
+def _versions(versions: Sequence[ModelVersionRow]) -> Choices:
+    return (("", "baseline"), *((row.name, row.name) for row in versions))
 
 
 def _material(name: str) -> str:

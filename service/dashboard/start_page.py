@@ -110,8 +110,10 @@ def new_diagnosis(request: Request, data_set: ChosenSet = None) -> Response:
     """Of a diagnosis of a stored data set; `data_set`: the one to begin with."""
     with database_of(request).reading() as session:
         stored = read_diagnoses.list_data_sets(session, MOST_OFFERED, None)
+        versions = read_diagnoses.list_model_versions(session, MOST_OFFERED, None)
+    held = [row for row in versions if row.withdrawn_at is None]
     usable = [row for row in stored if row.facts.get("can_be_diagnosed")]
-    return _page("diagnosis", diagnosis_fields(usable, data_set), None if usable else NO_DATA)
+    return _page("diagnosis", diagnosis_fields(usable, data_set, held), None if usable else NO_DATA)
 
 
 def _page(key: str, groups: Sequence[FieldGroup], lead: tuple[str, str, str] | None = None) -> Response:

@@ -12,6 +12,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base, Id, OfProject, stored_enum
 from service.db.clock import database_now
+from service.domain.claims import CheckOutcome
 from service.domain.states import DesignState
 
 
@@ -61,8 +62,9 @@ class DiagnosisRow(OfProject, Base):
 
 
 class ModelVersionRow(OfProject, Base):
-    """The model extended with named effects: `effects` by id, each with its amplitude and 90 % interval. `base`
-    names the simulator and its code. A version that is withdrawn stays visible and can no longer be used."""
+    """The model extended with named effects: `effects` by id, each with its amplitude and 90 % interval;
+    `parameters`: the contact parameters calibrated beside them, with their joint posterior. `base` names the
+    simulator and its code. A version that is withdrawn stays visible and can no longer be used."""
 
     __tablename__ = "model_versions"
     __table_args__ = (
@@ -77,7 +79,22 @@ class ModelVersionRow(OfProject, Base):
     diagnosis_id: Mapped[int] = mapped_column(ForeignKey("diagnoses.id", ondelete="CASCADE"))
     base: Mapped[str] = mapped_column(String(100))
     effects: Mapped[dict[str, Any]]
+    parameters: Mapped[dict[str, Any] | None]
     withdrawn_at: Mapped[float | None]
+    created_at: Mapped[float] = mapped_column(default=database_now())
+
+
+class ClaimCheckRow(Base):
+    """What a check made of a claimed effect. The last of a claim counts; none is changed or removed."""
+
+    __tablename__ = "claim_checks"
+    __table_args__ = (Index("ix_claim_checks_diagnosis_id", "diagnosis_id"), {"sqlite_autoincrement": True})
+
+    id: Mapped[int] = mapped_column(Id, primary_key=True)
+    diagnosis_id: Mapped[int] = mapped_column(ForeignKey("diagnoses.id", ondelete="CASCADE"))
+    effect: Mapped[str] = mapped_column(String(64))
+    outcome: Mapped[CheckOutcome] = mapped_column(stored_enum(CheckOutcome, "outcome"))
+    note: Mapped[str] = mapped_column(Text)
     created_at: Mapped[float] = mapped_column(default=database_now())
 
 

@@ -8,21 +8,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import (
-    CheckConstraint,
-    ForeignKey,
-    Index,
-    String,
-    Text,
-    UniqueConstraint,
-    text,
-)
+from sqlalchemy import CheckConstraint, ForeignKey, Index, String, Text, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base, Id, OfProject, stored_enum
 from service.db.charge_models import ChargeRow, GeometryRow
 from service.db.clock import database_now
 from service.db.diagnosis_models import (
+    ClaimCheckRow,
     DataSetRow,
     DiagnosisRow,
     ModelVersionRow,
@@ -38,6 +31,7 @@ __all__ = [
     "Base",
     "BudgetChangeRow",
     "ChargeRow",
+    "ClaimCheckRow",
     "DataSetRow",
     "DesignRow",
     "DiagnosisRow",

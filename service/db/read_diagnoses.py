@@ -2,22 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session, defer
 
-from service.db.models import ArtifactRow, DataSetRow, DiagnosisRow, JobRow, ModelVersionRow
+from service.db.models import (
+    ArtifactRow,
+    ClaimCheckRow,
+    DataSetRow,
+    DiagnosisRow,
+    JobRow,
+    ModelVersionRow,
+)
+from service.domain.claims import ClaimCheck, JudgedClaim, judged, with_levels
 
 
 @dataclass(frozen=True)
 class DiagnosisView:
-    """A diagnosis with the job that makes it and its files."""
+    """A diagnosis with the job that makes it, its files, and the checks of its claims by effect."""
 
     diagnosis: DiagnosisRow
     job: JobRow | None
     artifacts: Sequence[ArtifactRow] = ()
+    checks: Mapping[str, Sequence[ClaimCheck]] = field(default_factory=dict)
+
+    @property
+    def claims(self) -> list[JudgedClaim]:
+        """What it claims, with what became of that."""
+        return judged(self.diagnosis.results, self.checks)
+
+    @property
+    def results(self) -> dict[str, Any] | None:
+        """What it says, its claims with the levels that they have now."""
+        return with_levels(self.diagnosis.results, self.claims)
 
 
 def open_diagnosis(session: Session, diagnosis_id: int) -> DiagnosisView | None:
@@ -53,7 +73,14 @@ def _views(session: Session, condition: ColumnElement[bool]) -> list[DiagnosisVi
     )
     for artifact in session.scalars(stored.order_by(ArtifactRow.kind)):
         files.setdefault(artifact.diagnosis_id, []).append(artifact)
-    return [DiagnosisView(row[0], row[1], files.get(row[0].id, ())) for row in found]
+    checks: dict[int, dict[str, list[ClaimCheck]]] = {}
+    told = select(ClaimCheckRow).join(DiagnosisRow, DiagnosisRow.id == ClaimCheckRow.diagnosis_id)
+    for check in session.scalars(told.where(condition).order_by(ClaimCheckRow.id)):
+        of_effect = checks.setdefault(check.diagnosis_id, {}).setdefault(check.effect, [])
+        of_effect.append(ClaimCheck(check.outcome, check.note, check.created_at))
+    return [
+        DiagnosisView(row[0], row[1], files.get(row[0].id, ()), checks.get(row[0].id, {})) for row in found
+    ]
 
 
 def list_data_sets(session: Session, limit: int, before: int | None = None) -> Sequence[DataSetRow]:

@@ -16,6 +16,7 @@ from service.db.models import (
     ArtifactRow,
     BudgetChangeRow,
     ChargeRow,
+    ClaimCheckRow,
     DesignRow,
     DiagnosisRow,
     EventRow,
@@ -66,6 +67,7 @@ def _conditions(project: str) -> list[Any]:
         with_loader_criteria(
             ArtifactRow, _of_any(ArtifactRow, "design_id", designs, charges, diagnoses), include_aliases=True
         ),
+        with_loader_criteria(ClaimCheckRow, ClaimCheckRow.diagnosis_id.in_(diagnoses), include_aliases=True),
         with_loader_criteria(RunRow, RunRow.job_id.in_(of_jobs), include_aliases=True),
     ]
 

@@ -9,13 +9,14 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
 from service.domain.data_set.columns import OBSERVABLES_OF, SURFACES
 from service.domain.data_set.records import Condition
 from service.domain.data_set.suitability import LEAST_REPLICATES
 from service.domain.errors import InvalidValue
+from service.domain.model_use import ModelUse
 from service.domain.outcome import StoredArtifact
 
 CONTACT_MODELS = ("paper", "hertz_mindlin")
@@ -56,7 +57,9 @@ class PlanSpec:
 class DiagnosisSpec:
     """`grains` about which a pile is made of. `first_wave`, `second_wave`: runs of each condition that the
     emulators learn from; `plants`: effect-free pseudo-plants that set the thresholds. With `plan` it is not asked
-    what was measured says, but what the tests could show: neither second wave nor plants are made.
+    what was measured says, but what the tests could show: neither second wave nor plants are made. `model`: the
+    version of the model that stands in the baseline's place; its effects are amplitudes by key as the version
+    states them, of which each condition takes what is in its scope, in proportion to its own water.
 
     Raises InvalidValue naming the field.
     """
@@ -69,6 +72,7 @@ class DiagnosisSpec:
     plants: int = 128
     seed: int = 1
     plan: PlanSpec | None = None
+    model: ModelUse | None = None
 
     def __post_init__(self) -> None:
         if self.contact_model not in CONTACT_MODELS:
@@ -84,25 +88,35 @@ class DiagnosisSpec:
             _require_whole(name, getattr(self, name), lowest, highest)
 
     def as_record(self) -> dict[str, Any]:
-        """Plain JSON types only. Without a plan there is no such field, as before there were plans."""
-        record = asdict(self)
+        """Plain JSON types only. Without a plan or a model there is no such field, as before there were any."""
+        record = asdict(replace(self, model=None))
+        del record["model"]
         if self.plan is None:
             del record["plan"]
-        return record
+        return record if self.model is None else {**record, "model": self.model.as_record()}
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
         """What as_record made. Raises InvalidValue."""
-        plan = record.get("plan")
-        if plan is None:
-            return cls(**record)
-        lists = {name: tuple(plan[name]) for name in ("observables", "candidates")}
-        return cls(**{**record, "plan": PlanSpec(**{**plan, **lists})})
+        found = dict(record)
+        if found.get("plan") is not None:
+            lists = {name: tuple(found["plan"][name]) for name in ("observables", "candidates")}
+            found["plan"] = PlanSpec(**{**found["plan"], **lists})
+        if found.get("model") is not None:
+            found["model"] = ModelUse(**found["model"])
+        return cls(**found)
 
     @property
     def request_hash(self) -> str:
         """SHA-256 of everything that was asked for."""
         return hashlib.sha256(json.dumps(self.as_record(), sort_keys=True).encode()).hexdigest()
+
+
+def request_of(record: Mapping[str, Any]) -> dict[str, Any]:
+    """The body of POST /v1/diagnoses that asks for the same as a stored spec."""
+    body = {name: value for name, value in record.items() if name != "model"}
+    model = record.get("model")
+    return body if model is None else {**body, "model_version": model["name"]}
 
 
 def _require_whole(name: str, value: object, lowest: int, highest: int) -> None:
@@ -159,10 +173,12 @@ def expected_cost(spec: DiagnosisSpec, conditions: Sequence[Condition]) -> Diagn
 
 @dataclass(frozen=True)
 class Extension:
-    """The model with the named effects: the simulator's version, and of each effect value, unit and ci90."""
+    """The model with the named effects: the simulator's version, of each effect value, unit and ci90, and the
+    contact parameters that go with them (worker/diagnosis/calibrated.py)."""
 
     base: str
     effects: Mapping[str, Mapping[str, Any]]
+    parameters: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)

@@ -62,20 +62,25 @@ def measured_pile(
     )
 
 
-def cannot_simulate(condition: Condition, grains: int, contact_model: str) -> str | None:
-    """Why demcore cannot make the test of a condition; None where it can."""
+def cannot_simulate(
+    condition: Condition, grains: int, contact_model: str, effects: Mapping[str, float] | None = None
+) -> str | None:
+    """Why demcore cannot make the test of a condition, with the amplitudes by effect key that a model version has;
+    None where it can."""
     if condition.test != "pile":
         return "only pile tests are simulated by this model"
     if condition.material not in material_names():
         return f"{condition.material!r} is none of {', '.join(material_names())}"
     parameters = ContactParameters(**default_values())
-    fewer = round(grains * (1.0 - library().self_test("self_particle_number").amplitude))
+    known = library()
+    fewer = round(grains * (1.0 - known.self_test("self_particle_number").amplitude))
+    acting = acting_effects(known, condition, effects or {})
     try:
-        measured_pile(condition, parameters, grains, contact_model, 0)
+        pile_effects.with_effects(measured_pile(condition, parameters, grains, contact_model, 0), acting)
     except InputError as error:
         return str(error)
     try:
-        measured_pile(condition, parameters, fewer, contact_model, 0)
+        pile_effects.with_effects(measured_pile(condition, parameters, fewer, contact_model, 0), acting)
     except InputError as error:
         return (
             f"{error}, in the piles of {fewer} grains by which a diagnosis asks whether their number matters"

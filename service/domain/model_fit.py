@@ -6,8 +6,8 @@ simulated; used elsewhere its amplitudes mean something else, so it is refused t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from demcore.errors import InputError
 from demcore.experiments import charge_effects
@@ -17,9 +17,9 @@ from demcore.experiments.pile_effects import with_effects
 from demcore.material import load_material
 from demcore.rig import load_rig
 from service.domain.data_set.records import Condition
-from service.domain.effects import library
+from service.domain.effects import Effect, library
 from service.domain.errors import InvalidValue
-from service.domain.measured_pile import SIMULATED, acting_effects
+from service.domain.measured_pile import SIMULATED, acting_effects, pile_scale
 from service.domain.model_use import FIELD, ModelUse
 from service.domain.search_space import default_values
 
@@ -34,13 +34,14 @@ WHERE: Mapping[str, str] = {"pile": "a study's pile", "charge": "a charge"}
 
 @dataclass(frozen=True)
 class FoundOn:
-    """Where a version comes from: materials, contact law and scales of the piles behind it, and its amplitudes by
-    effect (posterior means)."""
+    """Where a version comes from: materials, contact law and scales of the piles behind it, its amplitudes by
+    effect (posterior means), and the same by effect key, None of a direction that was not kept."""
 
     materials: frozenset[str]
     contact_model: str
     scales: tuple[float, float]
     amplitudes: Mapping[str, float]
+    keys: Mapping[str, Mapping[str, float] | None] = field(default_factory=dict)
 
 
 def fitted(use: ModelUse, found: FoundOn, material: str, scale: float, fill_level: float) -> ModelUse:
@@ -74,13 +75,41 @@ def fitted_charge(use: ModelUse, found: FoundOn, test: ChargeTest) -> ModelUse:
     return ModelUse(use.name, use.moisture_percent, effects)
 
 
-def _check(use: ModelUse, found: FoundOn, material: str, scale: float) -> None:
+def fitted_diagnosis(
+    use: ModelUse, found: FoundOn, conditions: Sequence[Condition], grains: int, contact_model: str
+) -> ModelUse:
+    """The same for the piles of a diagnosis, with its amplitudes as they are stated: water and scope are each
+    condition's own, and here a direction counts."""
+    for condition in conditions:
+        scale = pile_scale(condition, grains)
+        _check(use, found, condition.material, scale, contact_model, "this diagnosis")
+    keys: dict[str, float] = {}
+    for name in found.amplitudes:
+        effect = _simulated_effect(use, "pile", name)
+        if not any(effect.acts_on(condition) for condition in conditions):
+            raise InvalidValue(FIELD, use.name, f"effects that act on these conditions: {name} acts on none")
+        along = found.keys[name]
+        if along is None:
+            allowed = f"a version that keeps the direction of {name}: diagnose its data once more"
+            raise InvalidValue(FIELD, use.name, allowed)
+        keys |= along
+    return replace(use, effects=keys)
+
+
+def _check(
+    use: ModelUse,
+    found: FoundOn,
+    material: str,
+    scale: float,
+    contact_model: str = CONTACT_MODEL,
+    who: str = "a study",
+) -> None:
     if material not in found.materials:
         allowed = f"a version found on {material}: this one was found on {', '.join(sorted(found.materials))}"
         raise InvalidValue(FIELD, use.name, allowed)
-    if found.contact_model != CONTACT_MODEL:
+    if found.contact_model != contact_model:
         allowed = (
-            f"a version found with {CONTACT_MODEL} contacts, as a study simulates: this one was found with "
+            f"a version found with {contact_model} contacts, as {who} simulates: this one was found with "
         )
         raise InvalidValue(FIELD, use.name, allowed + f"{found.contact_model} contacts")
     coarsest, finest = found.scales[1] * FARTHEST_SCALE, found.scales[0] / FARTHEST_SCALE
@@ -95,14 +124,7 @@ def _simulated(use: ModelUse, kind: str, material: str, amplitudes: Mapping[str,
     test = Condition("ideal", kind, material, 1.0, moisture_percent=use.moisture_percent)
     keys = {}
     for name, amplitude in amplitudes.items():
-        if name not in known or (name not in SIMULATED[kind] and not known[name].is_reading):
-            raise InvalidValue(FIELD, use.name, f"effects that a {kind} is simulated with: {name} is none")
-        effect = known[name]
-        if effect.is_reading:
-            allowed = (
-                f"effects of the grains or the test: {name} is a fault of the measurement, so correct that"
-            )
-            raise InvalidValue(FIELD, use.name, allowed)
+        effect = _simulated_effect(use, kind, name)
         if not effect.acts_on(test):
             wet = " (state its moisture_percent)" if name == "cohesion" else ""
             allowed = f"effects that act on {WHERE[kind]}: {name} has nothing to act on there{wet}"
@@ -110,3 +132,13 @@ def _simulated(use: ModelUse, kind: str, material: str, amplitudes: Mapping[str,
         # Of an effect with a direction, any serves: a study's responses do not tell directions.
         keys[effect.keys[0]] = amplitude
     return acting_effects(known, test, keys)
+
+
+def _simulated_effect(use: ModelUse, kind: str, name: str) -> Effect:
+    known = library()
+    if name not in known or (name not in SIMULATED[kind] and not known[name].is_reading):
+        raise InvalidValue(FIELD, use.name, f"effects that a {kind} is simulated with: {name} is none")
+    if known[name].is_reading:
+        allowed = f"effects of the grains or the test: {name} is a fault of the measurement, so correct that"
+        raise InvalidValue(FIELD, use.name, allowed)
+    return known[name]

@@ -17,17 +17,20 @@ from service.domain.data_set.stored import from_record
 from service.domain.diagnosis import DiagnosisCost, DiagnosisSpec, PlanSpec, expected_cost
 from service.domain.errors import InvalidValue
 from service.domain.measured_pile import cannot_simulate
+from service.domain.model_use import FIELD
 from service.domain.states import JobKind
 from service.studies.advance_study import ATTEMPTS
 from service.studies.create_study import KeyReused
+from service.studies.use_model import use_model_in_diagnosis
 
 
-def check_diagnosis(session: Session, spec: DiagnosisSpec) -> DiagnosisCost:
-    """What the diagnosis would take. Reads only.
+def check_diagnosis(session: Session, spec: DiagnosisSpec) -> tuple[DiagnosisSpec, DiagnosisCost]:
+    """The diagnosis as it would be stored, with its version of the model looked up, and what it would take. Reads
+    only.
 
     Raises InvalidValue for a data set that is not there, too thin to say anything, or with a condition that the
-    model cannot represent, and for a plan whose candidates are none of its conditions or all
-    of them, or that reads nothing of one.
+    model cannot represent, for a plan whose candidates are none of its conditions or all of them, or that reads
+    nothing of one, and for a version of the model that does not fit.
     """
     data_set = session.get(DataSetRow, spec.data_set)
     if data_set is None:
@@ -41,7 +44,14 @@ def check_diagnosis(session: Session, spec: DiagnosisSpec) -> DiagnosisCost:
         if (why := cannot_simulate(condition, spec.grains, spec.contact_model)) is not None:
             allowed = f"conditions that the model can represent: {why}"
             raise InvalidValue(f"data_set.{condition.condition}", condition.material, allowed)
-    return expected_cost(spec, conditions)
+    spec = use_model_in_diagnosis(session, spec, conditions)
+    if spec.model is not None:
+        for condition in conditions:
+            why = cannot_simulate(condition, spec.grains, spec.contact_model, spec.model.effects)
+            if why is not None:
+                allowed = f"one that condition {condition.condition} can have: {why}"
+                raise InvalidValue(FIELD, spec.model.name, allowed)
+    return spec, expected_cost(spec, conditions)
 
 
 def create_diagnosis(
@@ -54,10 +64,10 @@ def create_diagnosis(
     stored = _stored(session, idempotency_key, spec)
     if stored is not None:
         return stored, False
-    cost = check_diagnosis(session, spec)
+    checked, cost = check_diagnosis(session, spec)
     row = DiagnosisRow(
         data_set_id=spec.data_set,
-        spec=spec.as_record(),
+        spec=checked.as_record(),
         cost={**asdict(cost), "text": cost.sentence()},
         idempotency_key=idempotency_key,
         request_hash=spec.request_hash,

@@ -8,12 +8,17 @@ from sqlalchemy.orm import Session
 from service.db.models import DiagnosisRow, ModelVersionRow, NullCalibrationRow
 from service.db.queries import Lease
 from service.domain.diagnosis import DiagnosisOutcome, Extension
+from service.domain.extended_model import extended
 from service.domain.outcome import RunCost
 from service.domain.states import DesignState, JobState
 from service.studies.close_run import close_run
 from service.studies.finish_job import finish_job
 from service.studies.keep_files import keep_files
 from service.studies.move_task import move_task
+
+BASELINE = "baseline"
+# Of a name, which takes 100 characters, with room for a number.
+LONGEST_STEM = 90
 
 
 def record_diagnosis(
@@ -41,8 +46,10 @@ def record_diagnosis(
 
 
 def _extend(session: Session, diagnosis: DiagnosisRow, extension: Extension) -> ModelVersionRow:
-    """Named after its effects, with a number where the name is taken."""
-    stem = "+".join(["baseline", *extension.effects])
+    """Named after its parent and its effects, with a number where the name is taken."""
+    parent = _parent(session, diagnosis)
+    effects = {name: dict(effect) for name, effect in extension.effects.items()}
+    stem = "+".join([BASELINE if parent is None else parent.name, *effects])[:LONGEST_STEM]
     taken = session.scalar(
         select(func.count()).where(
             ModelVersionRow.project == diagnosis.project,
@@ -52,10 +59,24 @@ def _extend(session: Session, diagnosis: DiagnosisRow, extension: Extension) -> 
     row = ModelVersionRow(
         name=stem if not taken else f"{stem}-{taken + 1}",
         project=diagnosis.project,
+        parent_id=None if parent is None else parent.id,
         diagnosis_id=diagnosis.id,
         base=extension.base,
-        effects={name: dict(effect) for name, effect in extension.effects.items()},
+        effects=effects if parent is None else extended(parent.effects, effects),
+        parameters=None if extension.parameters is None else dict(extension.parameters),
     )
     session.add(row)
     session.flush()
     return row
+
+
+def _parent(session: Session, diagnosis: DiagnosisRow) -> ModelVersionRow | None:
+    """The version that was diagnosed, also where it was withdrawn meanwhile; None for the baseline."""
+    model = diagnosis.spec.get("model")
+    if model is None:
+        return None
+    return session.scalars(
+        select(ModelVersionRow).where(
+            ModelVersionRow.project == diagnosis.project, ModelVersionRow.name == model["name"]
+        )
+    ).one()

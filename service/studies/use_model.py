@@ -1,7 +1,8 @@
-"""Look up the model version that a study or charge names, and take its effects into what is asked for."""
+"""Look up the model version that a study, charge or diagnosis names, and take its effects into what is asked."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -10,10 +11,13 @@ from sqlalchemy.orm import Session
 
 from service.db.models import DataSetRow, DiagnosisRow, ModelVersionRow
 from service.domain.charge import ChargeSpec, MeshFile, charge_test
+from service.domain.data_set.records import Condition
 from service.domain.data_set.stored import from_record
+from service.domain.diagnosis import DiagnosisSpec
 from service.domain.errors import InvalidValue
+from service.domain.extended_model import amplitudes_of
 from service.domain.measured_pile import pile_scale
-from service.domain.model_fit import FoundOn, fitted, fitted_charge
+from service.domain.model_fit import FoundOn, fitted, fitted_charge, fitted_diagnosis
 from service.domain.model_use import FIELD
 from service.domain.study import StudySpec
 
@@ -38,6 +42,17 @@ def use_model_in_charge(session: Session, spec: ChargeSpec, mesh_file: MeshFile)
     return replace(spec, model=fitted_charge(spec.model, found, plain))
 
 
+def use_model_in_diagnosis(
+    session: Session, spec: DiagnosisSpec, conditions: Sequence[Condition]
+) -> DiagnosisSpec:
+    """The same for a diagnosis of these conditions."""
+    if spec.model is None:
+        return spec
+    found = _find(session, spec.model.name)
+    fits = fitted_diagnosis(spec.model, found, conditions, spec.grains, spec.contact_model)
+    return replace(spec, model=fits)
+
+
 def _find(session: Session, name: str) -> FoundOn:
     row = session.scalars(select(ModelVersionRow).where(ModelVersionRow.name == name)).one_or_none()
     if row is None:
@@ -58,4 +73,5 @@ def _found_on(session: Session, row: ModelVersionRow) -> FoundOn:
         diagnosis.spec["contact_model"],
         (min(scales), max(scales)),
         {name: float(effect["value"]) for name, effect in row.effects.items()},
+        {name: amplitudes_of(name, effect) for name, effect in row.effects.items()},
     )

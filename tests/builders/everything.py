@@ -9,7 +9,7 @@ from fastapi import FastAPI
 from sqlalchemy import select
 from starlette.routing import BaseRoute, Route
 
-from service.db.models import ArtifactRow, DesignRow, GeometryRow, JobRow, ModelVersionRow
+from service.db.models import ArtifactRow, DesignRow, DiagnosisRow, GeometryRow, JobRow, ModelVersionRow
 from service.db.session import Database
 from service.domain.effects import library
 from service.domain.outcome import StoredArtifact
@@ -74,6 +74,9 @@ def one_of_everything(database: Database, settings: Settings) -> dict[str, str]:
             extent={},
             path="a.stl",
         )
+        size = {"value": 0.1, "unit": "1", "ci90": [0.0, 0.2]}
+        claim = {"effect": library().effects[0].id, "inclusion": 0.99, "amplitude": size, "level": "claim"}
+        session.get_one(DiagnosisRow, diagnosis).results = {"claims": [claim]}
         version = ModelVersionRow(name="baseline+x", diagnosis_id=diagnosis, base="x", effects={})
         session.add_all([mesh, version])
         session.flush()
@@ -98,6 +101,7 @@ def one_of_everything(database: Database, settings: Settings) -> dict[str, str]:
                 "job_id": job,
                 "name": "pellet",
                 "effect_id": library().effects[0].id,
+                "claimed": library().effects[0].id,
                 "folder": "x",
             }.items()
         }

@@ -28,6 +28,7 @@ BODIES: dict[str, Any] = {
     "/v1/studies/{study_id}/budget": {"budget": 60},
     "/v1/studies/{study_id}/designs": {"x": {"rolling_resistance": 0.2}},
     "/v1/designs/{design_id}/rerun": {"same_seed": False},
+    "/v1/diagnoses/{diagnosis_id}/claims/{claimed}": {"state": "confirmed"},
 }
 NOT_ROWS = ("{name}", "{folder}", "{key_id}", "{effect_id}")
 

@@ -14,8 +14,11 @@ from demcore.experiments.pile_effects import with_effects
 from service.db.models import ModelVersionRow, StudyRow
 from service.db.session import Database
 from service.domain.charge import ChargeSpec, charge_test
+from service.domain.diagnosis import DiagnosisOutcome, DiagnosisSpec, Extension
 from service.domain.spec_record import spec_from_record, spec_to_record
-from tests.builders.diagnoses import a_data_set, a_diagnosis, tables
+from service.studies.claim_job import DiagnosisClaim, claim_job
+from service.studies.record_diagnosis import record_diagnosis
+from tests.builders.diagnoses import a_data_set, a_diagnosis, job_of_diagnosis, tables
 from worker.charge_report import command_of
 from worker.evaluate import test_of as pile_of
 
@@ -40,6 +43,7 @@ def a_version(
     contact_model: str = "paper",
     withdrawn: bool = False,
     material: str = "pellet",
+    along: dict[str, dict[str, float]] | None = None,
 ) -> str:
     """The name of a version that a diagnosis of such piles would have made."""
     texts = {name: text.replace("pellet", material) for name, text in tables(masses=MASSES[material]).items()}
@@ -51,7 +55,13 @@ def a_version(
         diagnosis_id=asked,
         base="demcore-paper-400",
         effects={
-            key: {"value": value, "unit": "1", "ci90": [0.0, 2.0 * value]} for key, value in effects.items()
+            key: {
+                "value": value,
+                "unit": "1",
+                "ci90": [0.0, 2.0 * value],
+                **({"along": along[key]} if along and key in along else {}),
+            }
+            for key, value in effects.items()
         },
         withdrawn_at=1.7e9 if withdrawn else None,
     )
@@ -214,3 +224,135 @@ def test_a_version_that_does_not_fit_a_charge_is_refused_in_one_sentence(
     assert answer.json()["errors"][0]["field"] == "model_version"
     assert sentence in answer.json()["detail"]
     assert client.get("/v1/charges").json()["items"] == []
+
+
+# Beyond the base.
+FAR = {"feed_offcentre": {"feed_offcentre@0": 0.5}}
+
+
+def a_set(database: Database, **more: str) -> int:
+    """Of the piles that the versions were found on, `more` columns of conditions beside."""
+    return a_data_set(database, tables(masses=MASSES["pellet"], **more))
+
+
+def diagnosed(client: TestClient, data: int, version: str, **body: Any) -> Any:
+    return client.post(
+        "/v1/diagnoses", json={"data_set": data, "grains": 400, "model_version": version, **body}
+    )
+
+
+def test_a_diagnosis_begins_with_a_version(client: TestClient, database: Database) -> None:
+    """Its amplitudes stand as stated, whatever the water of a condition, and a direction is kept."""
+    along = {"feed_offcentre": {"feed_offcentre@0": 0.02, "feed_offcentre@90": 0.01}}
+    effects = {"cohesion": 0.4, "feed_offcentre": 0.0224}
+    version = a_version(database, effects, along=along)
+    data = a_set(database, moisture_percent="2.0")
+    answer = diagnosed(client, data, version)
+    assert answer.status_code == 201, answer.text
+    stored = answer.json()["spec"]
+    assert stored["model"] == {
+        "name": version,
+        "moisture_percent": 0.0,
+        "effects": {"cohesion": 0.4, **along["feed_offcentre"]},
+    }
+    spec = DiagnosisSpec.from_record(stored)
+    assert spec.as_record() == stored
+    assert spec.model is not None and dict(spec.model.effects) == stored["model"]["effects"]
+    number = answer.json()["id"]
+    assert version in client.get(f"/diagnoses/{number}").text
+    report = client.get(f"/diagnoses/{number}/report").text
+    assert "&#34;model_version&#34;: &#34;baseline+cohesion+feed_offcentre&#34;" in report
+    assert f'<option value="{version}"' in client.get("/new/diagnosis").text
+
+
+def test_the_same_key_and_version_are_one_diagnosis(client: TestClient, database: Database) -> None:
+    version, data = a_version(database, {"density": 0.05}), a_set(database)
+    body = {"data_set": data, "grains": 400, "model_version": version}
+    key = {"Idempotency-Key": "monday"}
+    first, again = (client.post("/v1/diagnoses", json=body, headers=key) for _ in range(2))
+    assert first.status_code == 201 and first.json() == again.json()
+    other = client.post("/v1/diagnoses", json={**body, "model_version": None}, headers=key)
+    assert other.status_code == 422
+    assert "model" not in client.post("/v1/diagnoses", json={"data_set": data}).json()["spec"]
+
+
+@pytest.mark.parametrize(
+    ("effects", "more", "body", "sentence"),
+    [
+        ({"density": 0.1}, {"withdrawn": True}, {}, "this one was withdrawn on 2023-11-14"),
+        ({"density": 0.1}, {"material": "coke"}, {}, "this one was found on coke"),
+        ({"density": 0.1}, {}, {"grains": 10_000}, "this one holds from"),
+        ({"density": 0.1}, {}, {"contact_model": "hertz_mindlin"}, "found with paper contacts"),
+        ({"weigh_gain": 0.1}, {}, {}, "weigh_gain is a fault of the measurement, so correct that"),
+        ({"belt_speed": 0.1}, {}, {}, "belt_speed is none"),
+        ({"cohesion": 0.3}, {}, {}, "cohesion acts on none"),
+        ({"feed_offcentre": 0.02}, {}, {}, "a version that keeps the direction of feed_offcentre"),
+        ({"feed_offcentre": 0.5}, {"along": FAR}, {}, "one that condition small can have"),
+        ({"density": 0.1}, {}, {"model_version": "baseline+ghost"}, "the name of a model version"),
+        ({"density": 0.1}, {}, {"model_version": ""}, "1 to 100 characters"),
+    ],
+)
+def test_a_version_that_does_not_fit_a_diagnosis_is_refused_in_one_sentence(
+    client: TestClient,
+    database: Database,
+    effects: dict[str, float],
+    more: dict[str, Any],
+    body: dict[str, Any],
+    sentence: str,
+) -> None:
+    version, data = a_version(database, effects, **more), a_set(database)
+    before = client.get("/v1/diagnoses").json()["items"]
+    for path in ("/v1/diagnoses", "/v1/diagnoses/estimate"):
+        asked_for = {"data_set": data, "grains": 400, "model_version": version, **body}
+        answer = client.post(path, json=asked_for)
+        assert answer.status_code == 422, answer.text
+        assert answer.headers["content-type"] == "application/problem+json"
+        (error,) = answer.json()["errors"]
+        assert (error["field"], error["value"]) == ("model_version", asked_for["model_version"])
+        assert sentence in error["allowed"]
+    assert client.get("/v1/diagnoses").json()["items"] == before
+
+
+def ended(database: Database, diagnosis_id: int, effects: dict[str, dict[str, Any]]) -> None:
+    """Ended with these effects named."""
+    with database.writing() as session:
+        claim = claim_job(session, job_of_diagnosis(database, diagnosis_id), "w", 10.0)
+        assert isinstance(claim, DiagnosisClaim)
+        outcome = DiagnosisOutcome("named", {"verdict": "named"}, Extension("demcore-paper-400", effects))
+        assert record_diagnosis(session, claim.lease, outcome)
+
+
+def named(value: float) -> dict[str, Any]:
+    return {"value": value, "unit": "1", "ci90": [value - 0.01, value + 0.01], "inclusion": 1.0}
+
+
+def test_what_is_named_on_top_of_a_version_extends_that_version(
+    client: TestClient, database: Database
+) -> None:
+    """The child keeps its parent, has the parent's effects as well, and a study takes it by its own name."""
+    version, data = a_version(database, {"density": 0.05}), a_set(database)
+    number = diagnosed(client, data, version).json()["id"]
+    ended(database, number, {"density": named(0.02), "vibration": named(0.3)})
+    child, parent = client.get("/v1/model-versions").json()["items"]
+    assert client.get(f"/v1/diagnoses/{number}").json()["result"]["extended_model"] == child["name"]
+    assert (child["name"], child["parent"]) == ("baseline+density+density+vibration", parent["id"])
+    assert (parent["name"], parent["parent"]) == (version, None)
+    assert {name: effect["value"] for name, effect in child["effects"].items()} == {
+        "density": pytest.approx(0.07),
+        "vibration": 0.3,
+    }
+    third = diagnosed(client, data, child["name"]).json()
+    assert third["spec"]["model"]["effects"] == {"density": pytest.approx(0.07), "vibration": 0.3}
+    study = asked(client, child["name"]).json()["spec"]["model"]["effects"]
+    assert study == third["spec"]["model"]["effects"]
+
+
+def test_a_long_line_of_versions_keeps_names_that_fit(client: TestClient, database: Database) -> None:
+    version, data = a_version(database, {"vibration": 0.3}), a_set(database)
+    names = {version}
+    for _ in range(12):
+        number = diagnosed(client, data, version).json()["id"]
+        ended(database, number, {"vibration": named(0.001), "density": named(0.001)})
+        version = client.get(f"/v1/diagnoses/{number}").json()["result"]["extended_model"]
+        names.add(version)
+    assert len(names) == 13 and max(map(len, names)) <= 100

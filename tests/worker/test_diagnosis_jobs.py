@@ -6,6 +6,7 @@ tests/diagnosis from a seed that is new in each run and printed.
 
 from __future__ import annotations
 
+import math
 import secrets
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +23,9 @@ from service.db.models import ModelVersionRow, NullCalibrationRow, SimulatorRunR
 from service.db.read_diagnoses import open_diagnosis
 from service.db.session import Database
 from service.domain.data_set.records import Condition
+from service.domain.diagnosis import DiagnosisSpec
 from service.domain.effects import library
+from service.domain.model_use import ModelUse
 from service.domain.states import DesignState
 from service.studies import create_diagnosis
 from service.studies.cancel_job import cancel_job
@@ -41,6 +44,7 @@ from worker import diagnose as worker_diagnose
 from worker import pile_simulator, process
 from worker.diagnosis.diagnose import Options, effect_free_misfits
 from worker.diagnosis.floor import Floor, estimate_floor
+from worker.diagnosis.simulator import Setting
 from worker.diagnosis.stand_in import StandIn
 from worker.pile_simulator import NOTHING, PileReading
 
@@ -101,7 +105,26 @@ def diagnosed(worker: InProcessWorker, case: Case, **changes: Any) -> dict[str, 
     assert view is not None
     assert [(file.kind, file.media_type) for file in view.artifacts] == [("card", "image/png")]
     assert {test["id"] for test in row.results["self_tests"]} == {t.id for t in library().self_tests}
+    assert_kept(row.results["baseline"], {c.material for c in case.data.training.conditions})
     return row.results
+
+
+def assert_kept(kept: dict[str, Any], materials: set[str], effects: Sequence[str] = ()) -> None:
+    """Every parameter of every material, in its box and its interval, and a covariance with a row for each."""
+    box = {p.name: (p.lower, p.upper) for p in StandIn().parameters}
+    assert {m: set(parameters) for m, parameters in kept["parameters"].items()} == {
+        m: set(box) for m in materials
+    }
+    for parameters in kept["parameters"].values():
+        for name, found in parameters.items():
+            low, high = found["ci90"]
+            assert box[name][0] <= low <= found["value"] <= high <= box[name][1]
+            assert low < high
+            assert effects or box[name][0] <= found["averaged"] <= box[name][1]
+    covariance = np.array(kept["covariance"])
+    assert len(kept["rows"]) == len(materials) * len(box) + len(effects) == len(covariance)
+    assert list(kept["rows"][len(kept["rows"]) - len(effects) :]) == list(effects)
+    assert np.allclose(covariance, covariance.T) and np.all(np.linalg.eigvalsh(covariance) > 0.0)
 
 
 @pytest.mark.usefixtures("stand_in")
@@ -123,6 +146,15 @@ def test_a_hidden_effect_is_found_named_and_its_gain_measured(worker: InProcessW
                 select(ModelVersionRow).where(ModelVersionRow.name == found["extended_model"])
             ).one()
         assert set(version.effects) == names
+        for name, effect in version.effects.items():
+            # Where it points is kept of what has a direction, and of nothing else.
+            assert bool(library()[name].directions_deg) is ("along" in effect)
+            if "along" in effect:
+                assert math.hypot(*effect["along"].values()) == pytest.approx(effect["value"])
+        assert version.parent_id is None
+        assert version.parameters is not None
+        materials = {c.material for c in case.data.training.conditions}
+        assert_kept(version.parameters, materials, list(version.effects))
         assert version.base == found["model_version"]
         assert data_set(worker.database, version.diagnosis_id).opened_by == version.diagnosis_id
     assert right >= 1
@@ -278,3 +310,26 @@ def test_a_condition_of_the_dem_is_run_once(worker: InProcessWorker, monkeypatch
     assert run.count == 2
     assert first.values["repose_angle_deg"][:2].tolist() == again.values["repose_angle_deg"].tolist()
     assert (runner.asked, runner.made) == (5, 2)
+
+
+def test_a_diagnosis_of_a_version_simulates_that_version(
+    worker: InProcessWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every pile has the version's density; a setting's is added, and the same pile is not made twice."""
+    run = Counted()
+    monkeypatch.setattr(worker_diagnose, "run_pile", run)
+    runner = worker_diagnose.StoredRuns(worker.database, lambda _progress: True, 10)
+    condition = Condition("a", "pile", "pellet", 45.0)
+    use = ModelUse("baseline+density", effects={"density": 0.05})
+    extended, plain = (
+        worker_diagnose.model_of(DiagnosisSpec(1, model=model), runner, [condition]).simulator
+        for model in (use, None)
+    )
+    parameters = (0.5, 0.5, 0.3, 0.3)
+    extended.run(condition, [Setting(parameters, (), 1), Setting(parameters, (("density", 0.02),), 1)])
+    assert run.count == 2
+    sums = [Setting(parameters, (("density", a),), 1) for a in (0.05, 0.05 + 0.02)]
+    plain.run(condition, sums)
+    assert run.count == 2
+    plain.run(condition, [Setting(parameters, (), 1)])
+    assert run.count == 3

@@ -16,6 +16,7 @@ from demcore.experiments.pile_case import PileTest
 from service.domain.data_set.records import Condition
 from service.domain.effects import library
 from service.domain.measured_pile import measured_pile, size_classes
+from service.domain.model_use import ModelUse
 from worker.diagnosis.sensors import SENSOR_EFFECTS
 from worker.diagnosis.simulator import Setting
 from worker.pile_simulator import (
@@ -255,3 +256,56 @@ def test_the_simulation_s_own_errors_are_settings_of_the_same_pile() -> None:
         "self_coarse_graining",
         "self_particle_number",
     }
+
+
+WET = replace(LAB, moisture_percent=2.0)
+
+
+def made_with(effects: dict[str, float], *settings: Setting, condition: Condition = WET) -> list[PileTest]:
+    runner = Looking()
+    PileSimulator(runner, model=ModelUse("baseline+x", effects=effects)).run(condition, settings)
+    return runner.tests
+
+
+@pytest.mark.parametrize(
+    ("base", "added"),
+    [
+        ({"cohesion": 0.3}, {"cohesion": 0.2}),
+        ({"density": 0.05}, {"density": -0.02}),
+        ({"base_rough": 0.1}, {"cohesion": 0.2}),
+        ({"feed_offcentre@0": 0.03, "feed_offcentre@90": -0.01}, {"feed_offcentre@90": 0.02}),
+        ({"soft_stiffness": -0.2}, {"self_stiffness": 0.3, "soft_stiffness": 0.1}),
+    ],
+)
+def test_an_effect_is_added_to_the_models_own(base: dict[str, float], added: dict[str, float]) -> None:
+    """What the baseline is asked with the sum, a version is asked with the rest."""
+    total = {key: base.get(key, 0.0) + added.get(key, 0.0) for key in {**base, **added}}
+    assert made_with(base, setting(**added)) == made(WET, setting(**total))
+
+
+def test_without_an_effect_of_a_setting_the_models_own_act() -> None:
+    base = {"cohesion": 0.3, "density": 0.05}
+    (own,) = made(WET, setting(**base))
+    assert made_with(base, setting(), setting(cohesion=0.0), setting(lift_speed=0.5)) == [own] * 3
+    # Dry grains have no bridges: there the version is the baseline with the other density.
+    assert made_with(base, setting(), condition=LAB) == made(LAB, setting(density=0.05))
+
+
+def test_without_a_model_the_same_is_asked_for_as_ever() -> None:
+    assert made_with({}, setting(), setting(cohesion=0.3)) == made(WET, setting(), setting(cohesion=0.3))
+
+
+def test_the_version_names_the_model_and_what_it_does() -> None:
+    """Two projects may call different models alike, and their null runs must not meet."""
+    plain = PileSimulator(Looking())
+    uses = [ModelUse("baseline+cohesion", effects={"cohesion": a}) for a in (0.3, 0.4)]
+    first, second = (PileSimulator(Looking(), model=use).version for use in uses)
+    assert first != second
+    assert first.startswith("baseline+cohesion:") and first.endswith("@" + plain.version)
+    assert "@" not in plain.version
+
+
+def test_what_a_model_leaves_no_pile_of_is_told() -> None:
+    beyond = ModelUse("baseline+wide_psd", effects={"wide_psd": library()["wide_psd"].highest})
+    told = PileSimulator(Looking(), model=beyond).cannot(LAB)
+    assert told is not None and PileSimulator(Looking()).cannot(LAB) is None

@@ -1,19 +1,20 @@
-// Buttons that do something to a study: each posts to the API and says what it answered.
+// Buttons that do something to a study, charge or diagnosis: each posts to the API and says what it answered.
 
 function bodyOf(button) {
   const fields = button.closest("[data-fields]");
-  const body = button.dataset.body ? JSON.parse(button.dataset.body) : null;
-  if (!fields || button.dataset.body) {
-    return body;
+  const fixed = button.dataset.body ? JSON.parse(button.dataset.body) : null;
+  if (!fields) {
+    return fixed;
   }
   const values = {};
   for (const input of fields.querySelectorAll("input[name]")) {
     // An empty field is left out: the API then says what it needs.
     if (input.value !== "") {
-      values[input.name] = Number(input.value);
+      values[input.name] = input.type === "number" ? Number(input.value) : input.value;
     }
   }
-  return button.dataset.under ? { [button.dataset.under]: values } : values;
+  const typed = button.dataset.under ? { [button.dataset.under]: values } : values;
+  return { ...typed, ...fixed };
 }
 
 function tell(button, text, isBad) {

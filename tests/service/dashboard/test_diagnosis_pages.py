@@ -40,6 +40,14 @@ RESULT: dict[str, Any] = {
     "p_value": 0.008,
     "sentences": ["The floor is <assumed>."],
     "extended_model": "baseline+lift_speed",
+    "baseline": {
+        "parameters": {
+            "pellet": {"rolling_resistance": {"value": 0.312, "ci90": [0.25, 0.37], "averaged": 0.33}},
+        },
+        "box": {"rolling_resistance": [0.0, 0.5]},
+        "rows": ["pellet rolling_resistance"],
+        "covariance": [[0.005]],
+    },
 }
 
 OUTLOOK: dict[str, Any] = {
@@ -101,6 +109,7 @@ def test_without_one_the_list_says_how_to_begin(client: TestClient) -> None:
 def test_one_that_waits_says_what_it_will_cost(client: TestClient, asked: int) -> None:
     text = client.get(f"/diagnoses/{asked}").text
     assert "Waits for a free worker." in text and "There is no verdict yet." in text
+    assert "They are told at the end." in text
     assert "pile tests" in text  # the estimate
     assert "data-over" not in text
     parts = client.get(f"/diagnoses/{asked}/parts").json()
@@ -118,6 +127,9 @@ def test_a_verdict_is_told_in_words_with_card_limits_and_files(client: TestClien
     assert "baseline+lift_speed" in text and "Silent in these data: belt_speed." in text
     assert '<img src="/v1/artifacts/1"' in text and "data-over" in text
     assert "The floor is &lt;assumed&gt;." in text
+    assert "Calibrated parameters" in text and "rolling resistance" in text
+    assert "0.312" in text and "0.25 and 0.37" in text
+    assert "0.312" in client.get(f"/diagnoses/{told}/report").text
     listed = client.get("/diagnoses").text
     assert "lift_speed" in listed and "1234" in listed
 
