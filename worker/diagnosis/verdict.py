@@ -83,22 +83,26 @@ def distinct(found: Named, cosines: FloatArray, known: Library) -> Named:
 
 
 def ambiguous_set(rankings: tuple[Ranking, ...]) -> tuple[int, ...]:
-    """Effects, the most telling first, until .95 of the library's probability is in models with one of them.
-
-    Averaged over the prior scales; a pair counts as soon as one of its two is in the set.
-    """
+    """Effects, the most telling first, until .95 of the library's probability is in models with one of them, at
+    every scale of the prior; a pair counts as soon as one of its two is in the set."""
     tables = [ranking.model_shares for ranking in rankings]
-    singles = np.mean([table[0] for table in tables], axis=0)
-    pairs = np.mean([table[1] + table[1].T for table in tables], axis=0)
+    averaged = (np.mean([t[0] for t in tables], axis=0), np.mean([t[1] for t in tables], axis=0))
+    sets = [_holding(singles, pairs) for singles, pairs in (averaged, *tables)]
+    return tuple(dict.fromkeys(itertools.chain(*sets)))
+
+
+def _holding(singles: FloatArray, pairs: FloatArray) -> list[int]:
+    """Greedy, by shares of single effects (E,) and of pairs (E, E; upper triangle)."""
+    both = pairs + pairs.T
     chosen: list[int] = []
     held, left = 0.0, list(range(len(singles)))
     while held < CLAIM_FROM and left:
         outside = np.array([k not in chosen for k in range(len(singles))], dtype=float)
-        gained = [singles[k] + float(pairs[k] @ outside) for k in left]
+        gained = [singles[k] + float(both[k] @ outside) for k in left]
         best = left.pop(int(np.argmax(gained)))
         held += max(gained)
         chosen.append(best)
-    return tuple(chosen)
+    return chosen
 
 
 def where(ranking: Ranking) -> tuple[Where, ...]:
