@@ -179,12 +179,27 @@ def test_profile_points_are_checked() -> None:
 
 
 def test_a_replicate_that_is_a_copy_is_named() -> None:
-    rows = (
-        OBSERVATIONS
-        + "p1,0,apex_height_m,0.413,m,\np1,3,apex_height_m,413,mm,\np1,3,repose_angle_deg,36.2,deg,\n"
+    masses = {"p1": ("48.2134", "47.8821", "48.5518"), "p2": ("81.0237", "80.4419", "81.5526")}
+    rows = OBSERVATIONS + "".join(
+        f"{name},{k},mass_on_base_kg,{mass},kg,\n"
+        for name, found in masses.items()
+        for k, mass in enumerate(found)
     )
-    found = complaints(tables(observations=rows))
-    assert [c[:3] for c in found] == [("observations.csv", 12, "replicate")]
+    rows += "p1,3,mass_on_base_kg,48213.4,g,\np1,3,repose_angle_deg,36.2,deg,\n"
+    with pytest.raises(BadDataSet) as caught:
+        data_set_from_tables(tables(observations=rows))
+    assert str(caught.value) == (
+        "observations.csv row 17, replicate: got '3', "
+        "allowed is an experiment of its own; it repeats replicate 0 of p1"
+    )
+
+
+def test_a_surface_that_is_a_copy_is_named() -> None:
+    """Three replicates under three names, with one scan."""
+    heights = [0.3 - 0.004 * k + 0.0137 * (k * k % 7) for k in range(40)]
+    rows = [f"p1,{i},{9 * k},0.1,{h:.4f}" for i in range(3) for k, h in enumerate(heights)]
+    found = complaints(tables(profiles="\n".join(["condition,replicate,theta_deg,r_m,h_m", *rows]) + "\n"))
+    assert found == [("profiles.csv", 42, "replicate", "1"), ("profiles.csv", 82, "replicate", "2")]
 
 
 def test_rounded_numbers_that_meet_by_chance_are_no_copy() -> None:
