@@ -129,6 +129,11 @@ class Chance:
         """That a replicate of the condition `first` and one of `second` agree in all of these."""
         return together(max(self._one(name, first), self._one(name, second)) for name in names)
 
+    def least(self, names: Iterable[str]) -> float:
+        """Below which no two conditions have it."""
+        known = [self._known[name] for name in names]
+        return together(1.0 if k is None else agreement(k.sd, k.grid.step(0.0)) for k in known)
+
     def _one(self, name: str, condition: str) -> float:
         known = self._known[name]
         if known is None:

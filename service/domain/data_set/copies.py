@@ -74,6 +74,7 @@ class _Earlier:
     def __init__(self, values: Mapping[Place, Mapping[str, float]]) -> None:
         self._values = values
         self._pairs, self._chance = _Pairs(values), Chance(values)
+        self._tells: dict[Names, bool] = {}
         self._by_names: dict[Names, list[Place]] = {}
         self._tables: dict[Names, dict[Names, Table]] = {}
 
@@ -90,7 +91,7 @@ class _Earlier:
         sets += [theirs for theirs in islice(self._by_names, MOST_SETS) if theirs != names]
         for theirs in sets:
             shared = names & theirs
-            if not shared:
+            if not self._can_tell(shared):
                 continue
             table = self._table(theirs, shared)
             for condition in (place[0], None):
@@ -98,6 +99,13 @@ class _Earlier:
                     if self._is_copy(place, other, shared):
                         return other
         return None
+
+    def _can_tell(self, shared: Names) -> bool:
+        """Whether any agreement in these would be too improbable: where readings are few and coarse, none is."""
+        if shared not in self._tells:
+            least = self._chance.least(shared)
+            self._tells[shared] = any(self._pairs.too_few(least, is_within) for is_within in (True, False))
+        return self._tells[shared]
 
     def _is_copy(self, place: Place, other: Place, shared: Names) -> bool:
         mine, theirs = self._values[place], self._values[other]

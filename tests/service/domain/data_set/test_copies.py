@@ -189,7 +189,7 @@ def test_scans_that_can_hardly_differ_are_no_copies() -> None:
 def test_many_replicates_that_meet_are_gone_through_fast() -> None:
     """Readings so coarse that thousands agree, and thousands of the same tiny scan."""
     stream = random.Random(11)
-    data = lab(stream, 50, 80, {"repose_angle_deg": (*ANGLE, 1.0)})
+    data = lab(stream, 250, 80, {"repose_angle_deg": (*ANGLE, 1.0)})
     assert not any(copied_replicates(data))
     tiny = [Profile("p0", str(i), (0.0,), (0.1,), (0.3,)) for i in range(4000)]
     assert not any(copied_scans(tiny))
