@@ -23,6 +23,7 @@ from service.domain.data_set.cells import (
 from service.domain.data_set.columns import (
     CONDITION_COLUMNS,
     CONDITIONS,
+    NOT_OF,
     NUMBERS_OF_A_CONDITION,
     OBSERVABLES_OF,
     OBSERVATION_COLUMNS,
@@ -129,6 +130,7 @@ def _conditions(rows: list[Row], complaints: Complaints) -> list[Condition]:
             complaints.add(row.number, "condition", name, "each condition once")
         seen.add(name)
         values = _texts(row, complaints) | _numbers(row, complaints)
+        _check_that_all_apply(row, complaints)
         if len(complaints.cells) == before:
             found.append(Condition(**values))  # type: ignore[arg-type]
     return found
@@ -152,6 +154,32 @@ def _texts(row: Row, complaints: Complaints) -> dict[str, object]:
         complaints.add(row.number, "psd", row.get("psd"), PSD_ALLOWED)
     names = {"condition": row.get("condition"), "test": test, "material": row.get("material")}
     return {**names, "removal": removal, "holdout": holdout == "1", "psd": psd}
+
+
+def _check_that_all_apply(row: Row, complaints: Complaints) -> None:
+    """A cell that the test has not would be ignored, though somebody meant it.
+
+    A program that writes a record with all of its defaults meant nothing by these, so they are taken.
+    """
+    test = row.get("test")
+    for column in NOT_OF.get(test, ()):
+        if row.get(column) and not _is_default(row, column):
+            other = next(t for t in TESTS if t != test)
+            allowed = f"an empty cell: a {test} has none, a {other} has"
+            complaints.add(row.number, column, row.get(column), allowed)
+    lift, removal = row.get("lift_speed_m_s"), row.get("removal")
+    if test != "pile" or not lift or removal not in ("", REMOVALS[0]):
+        return
+    if not removal or not _is_default(row, "lift_speed_m_s"):
+        allowed = "an empty cell, or `lift` as removal: a cylinder that is removed at once has no speed"
+        complaints.add(row.number, "lift_speed_m_s", lift, allowed)
+
+
+def _is_default(row: Row, column: str) -> bool:
+    if column == "removal":
+        return row.get(column) == REMOVALS[0]
+    default = NUMBERS_OF_A_CONDITION[column].default
+    return default is not None and parse_number(row.get(column)) == default
 
 
 def _numbers(row: Row, complaints: Complaints) -> dict[str, object]:

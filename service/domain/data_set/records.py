@@ -7,7 +7,8 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 
-from service.domain.data_set.columns import NUMBERS_OF_A_CONDITION, OBSERVABLES_OF, REMOVALS, TESTS
+from service.domain.data_set.columns import NOT_OF, NUMBERS_OF_A_CONDITION, OBSERVABLES_OF, REMOVALS, TESTS
+from service.domain.data_set.rigs import RIGS
 from service.domain.errors import InvalidValue
 
 Psd = tuple[tuple[float, float], ...]
@@ -55,8 +56,16 @@ class Condition:
 
     @property
     def settings(self) -> tuple[object, ...]:
-        """What was done, whatever it was called and whether it is held out."""
-        return tuple(getattr(self, f.name) for f in fields(self) if f.name not in ("condition", "holdout"))
+        """What was done, whatever it was called and whether it is held out: the numbers that its test has."""
+        left_out = {"condition", "holdout", *NOT_OF[self.test]}
+        if self.removal != "lift":
+            left_out.add("lift_speed_m_s")
+        return tuple((f.name, self.used(f.name)) for f in fields(self) if f.name not in left_out)
+
+    def used(self, name: str) -> object:
+        """A field as the test was done: the rig's own size where none is stated (None of an unknown material)."""
+        stated = getattr(self, name)
+        return RIGS.get(self.material, {}).get(name) if stated is None else stated
 
 
 @dataclass(frozen=True)

@@ -126,6 +126,45 @@ def test_a_bad_condition_is_named(row: str, column: str) -> None:
     assert [c[:3] for c in found] == [("conditions.csv", 5, column)]
 
 
+@pytest.mark.parametrize(
+    ("test", "cells", "allowed"),
+    [
+        ("pile", {"lift_speed_m_s": "0.4"}, "`lift` as removal"),
+        ("pile", {"lift_speed_m_s": "0.1"}, "`lift` as removal"),
+        ("pile", {"lift_speed_m_s": "0.4", "removal": "instant"}, "`lift` as removal"),
+        ("pile", {"belt_speed_m_s": "1.5"}, "a pile has none, a charge has"),
+        ("pile", {"deflector_rotation_deg": "5"}, "a pile has none, a charge has"),
+        ("charge", {"lift_speed_m_s": "0.4"}, "a charge has none, a pile has"),
+        ("charge", {"removal": "lift"}, "a charge has none, a pile has"),
+        ("charge", {"cylinder_height_m": "1.6"}, "a charge has none, a pile has"),
+    ],
+)
+def test_a_cell_that_does_not_apply_is_named(test: str, cells: dict[str, str], allowed: str) -> None:
+    head = ",".join(["condition,test,material,mass_kg", *cells])
+    texts = {"conditions.csv": head + "\n" + ",".join(["a", test, "coke", "100", *cells.values()]) + "\n"}
+    with pytest.raises(BadDataSet) as caught:
+        data_set_from_tables(texts, planned=True)
+    (cell,) = caught.value.cells
+    column = next(iter(cells))
+    assert (cell.row, cell.column, cell.value) == (2, column, cells[column])
+    assert allowed in cell.allowed
+
+
+def test_a_lifted_cylinder_has_a_speed_and_a_charge_a_belt() -> None:
+    texts = """condition,test,material,mass_kg,removal,lift_speed_m_s,belt_speed_m_s
+a,pile,coke,100,lift,0.4,
+b,charge,coke,3000,,,1.5
+"""
+    pile, charge = data_set_from_tables({"conditions.csv": texts}, planned=True).conditions
+    assert (pile.lift_speed_m_s, charge.belt_speed_m_s) == (0.4, 1.5)
+
+
+def test_a_record_written_with_all_of_its_defaults_is_taken() -> None:
+    head = "condition,test,material,mass_kg,removal,lift_speed_m_s,belt_speed_m_s,deflector_rotation_deg"
+    rows = "a,pile,coke,100,instant,0.1,1.79,0\nb,charge,coke,3000,instant,0.1,1.79,0.0\n"
+    assert len(data_set_from_tables({"conditions.csv": f"{head}\n{rows}"}, planned=True).conditions) == 2
+
+
 def test_every_bad_cell_is_named_at_once() -> None:
     conditions = CONDITIONS.replace("p2,pile,coke,200", "p2,pile,coke,heavy")
     observations = (
