@@ -19,6 +19,7 @@ from service.domain.data_set.cells import (
     parse_name,
     parse_number,
     parse_psd,
+    units_allowed,
 )
 from service.domain.data_set.columns import (
     CONDITION_COLUMNS,
@@ -244,7 +245,7 @@ def _observation(row: Row, condition: Condition, complaints: Complaints) -> list
         complaints.add(row.number, "observable", name, allowed)
         return []
     if convert(1.0, unit or "none", quantity) is None:
-        complaints.add(row.number, "unit", unit, f"{quantity.unit}, or a unit that converts to it")
+        complaints.add(row.number, "unit", unit, units_allowed(quantity))
         return []
     if not row.get("value"):
         return []

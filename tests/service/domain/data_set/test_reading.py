@@ -69,7 +69,41 @@ def test_a_unit_of_another_kind_is_refused(unit: str) -> None:
     assert unit_factor(unit or "none", "m") is None
 
 
-def test_percent_and_density_units_convert() -> None:
+@pytest.mark.parametrize(
+    ("unit", "wanted", "factor"),
+    [
+        ("kg/m3", "kg/m^3", 1.0),
+        ("kg/m^3", "kg/m**3", 1.0),
+        ("kg/m**3", "kg/m^3", 1.0),
+        ("kg/m³", "kg/m^3", 1.0),
+        ("kg m-3", "kg/m^3", 1.0),
+        ("g/cm3", "kg/m^3", 1000.0),
+        ("m2", "m^2", 1.0),
+        ("cm2", "m^2", 1e-4),
+        ("m3", "m**3", 1.0),
+        ("percent", "", 0.01),
+        ("°", "deg", 1.0),
+        ("degrees", "deg", 1.0),
+        ("mrad", "deg", 0.05729577951308232),
+    ],
+)
+def test_powers_and_degrees_are_written_in_many_ways(unit: str, wanted: str, factor: float) -> None:
+    assert unit_factor(unit, wanted) == pytest.approx(factor, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "unit", ["%", "percent", "count", "ppm", "m/m", "dimensionless", "turn", "rad/m*m", "deg2"]
+)
+def test_an_angle_is_in_degrees_or_radians(unit: str) -> None:
+    """71 % is the tangent of 35.4 deg, and was read as 40.68 deg."""
+    with pytest.raises(BadDataSet) as caught:
+        data_set_from_tables(tables(observations=OBSERVATIONS + f"p1,9,repose_angle_deg,71,{unit},\n"))
+    (cell,) = caught.value.cells
+    assert (cell.column, cell.value) == ("unit", unit)
+    assert cell.allowed == "deg, degree, degrees, °, rad, radian, radians or mrad"
+
+
+def test_density_units_convert() -> None:
     assert unit_factor("t/m^3", "kg/m^3") == pytest.approx(1000.0)
     assert unit_factor("rad", "deg") == pytest.approx(57.29577951308232)
     assert unit_factor("min", "s") == pytest.approx(60.0)
