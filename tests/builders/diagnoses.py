@@ -12,7 +12,7 @@ from sqlalchemy import select
 
 from service.db.models import DataSetRow, DiagnosisRow, JobRow
 from service.db.session import Database
-from service.domain.data_set.columns import CONDITION_COLUMNS, OBSERVABLES_OF, OBSERVATION_COLUMNS
+from service.domain.data_set.columns import CONDITION_COLUMNS, NOT_OF, OBSERVABLES_OF, OBSERVATION_COLUMNS
 from service.domain.data_set.reading import data_set_from_tables
 from service.domain.data_set.records import DataSet, Psd
 from service.domain.diagnosis import DiagnosisSpec
@@ -73,12 +73,13 @@ def job_of_diagnosis(database: Database, diagnosis_id: int) -> str:
 
 
 def as_tables(data: DataSet) -> dict[str, str]:
-    """A data set as the CSV texts that an engineer would upload."""
+    """A data set as the CSV texts that an engineer would upload: without what a condition's test has not."""
     columns = list(CONDITION_COLUMNS)
     rows = []
     for c in data.conditions:
         given = {**asdict(c), "holdout": int(c.holdout), "psd": _sizes(c.psd)}
-        rows.append(["" if given[name] is None else str(given[name]) for name in columns])
+        ignored = {*NOT_OF[c.test], *([] if c.removal == "lift" else ["lift_speed_m_s"])}
+        rows.append(["" if given[name] is None or name in ignored else str(given[name]) for name in columns])
     units = {name: quantity.unit for test in OBSERVABLES_OF.values() for name, quantity in test.items()}
     observed = [
         [o.condition, o.replicate, o.observable, repr(o.value), units[o.observable],
