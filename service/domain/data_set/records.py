@@ -148,5 +148,30 @@ class DataSet:
         return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
 
     @property
+    def held_out_hash(self) -> str | None:
+        """SHA-256 of what was done and read in the held-out conditions; None where nothing was.
+
+        Names do not matter, nor what was trained on: who has seen the numbers has seen them under any name.
+        """
+        block = self.held_out
+        if not block.observations and not block.profiles:
+            return None
+        read: dict[str, dict[str, list[object]]] = {c.condition: {} for c in block.conditions}
+        for o in block.observations:
+            read[o.condition].setdefault(o.replicate, []).append((o.observable, o.value))
+        for p in block.profiles:
+            scan = ("profile", sorted(zip(p.theta_deg, p.r_m, p.h_m, strict=True)))
+            read[p.condition].setdefault(p.replicate, []).append(scan)
+        rows = sorted(
+            json.dumps([c.settings, sorted(_in_order(found) for found in read[c.condition].values())])
+            for c in block.conditions
+        )
+        return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
+
+    @property
     def _tables(self) -> tuple[tuple[Condition | Observation | Profile, ...], ...]:
         return self.conditions, self.observations, self.profiles
+
+
+def _in_order(readings: Iterable[object]) -> str:
+    return json.dumps(sorted(json.dumps(reading) for reading in readings))

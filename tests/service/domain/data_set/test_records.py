@@ -47,6 +47,23 @@ def test_the_split_hash_sees_values_and_split_but_not_order() -> None:
     assert len({DATA.split_hash, moved.split_hash, changed.split_hash}) == 3
 
 
+def test_the_hash_of_the_held_out_block_sees_what_was_read_and_no_names() -> None:
+    first = DATA.held_out_hash
+    assert first is not None
+    renamed = [dataclasses.replace(o, replicate=f"run {o.replicate}") for o in DATA.observations[::-1]]
+    assert DataSet(DATA.conditions, tuple(renamed)).held_out_hash == first
+    trained = dataclasses.replace(DATA.observations[0], value=36.21)
+    assert DataSet(DATA.conditions, (trained, *DATA.observations[1:])).held_out_hash == first
+    held = dataclasses.replace(DATA.observations[-1], value=0.119)
+    assert DataSet(DATA.conditions, (*DATA.observations[:-1], held)).held_out_hash != first
+    heavier = dataclasses.replace(DATA.conditions[-1], mass_kg=3100.0)
+    assert DataSet((*DATA.conditions[:-1], heavier), DATA.observations).held_out_hash != first
+    scan = Profile("c1", "0", (0.0,), (0.1,), (0.2,))
+    assert DataSet(DATA.conditions, DATA.observations, (scan,)).held_out_hash != first
+    assert DATA.training.held_out_hash is None
+    assert DataSet(DATA.conditions, ()).held_out_hash is None
+
+
 def test_enough_data_are_suitable() -> None:
     judged = suitability(DATA)
     assert judged.usable == DATA and judged.sentences == ()
