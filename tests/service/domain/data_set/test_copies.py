@@ -73,10 +73,13 @@ def repeated(
     ]
 
 
+@pytest.mark.parametrize("scatter", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("design", COARSE)
-def test_honest_rounded_readings_are_no_copies(design: str) -> None:
+def test_honest_rounded_readings_are_no_copies(design: str, scatter: float) -> None:
     stream = random.Random(3)
-    refused = sum(any(copied_replicates(lab(stream, *COARSE[design]))) for _ in range(400))
+    conditions, replicates, readings = COARSE[design]
+    readings = {name: (mean, scatter * sd, step) for name, (mean, sd, step) in readings.items()}
+    refused = sum(any(copied_replicates(lab(stream, conditions, replicates, readings))) for _ in range(400))
     assert refused == 0
 
 
