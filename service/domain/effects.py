@@ -51,9 +51,13 @@ class Clause:
     above: tuple[tuple[str, float], ...] = ()
 
     def holds(self, condition: Condition) -> bool:
-        """False too where a field is the rig's default, which is not known here."""
-        same = all(getattr(condition, name) == value for name, value in self.equal)
-        return same and all((getattr(condition, name) or 0.0) > value for name, value in self.above)
+        """A size that is not stated is the rig's; False where the material, and so its rig, is unknown."""
+        same = all(condition.used(name) == value for name, value in self.equal)
+        return same and all(_is_above(condition.used(name), value) for name, value in self.above)
+
+
+def _is_above(used: object, value: float) -> bool:
+    return isinstance(used, int | float) and used > value
 
 
 @dataclass(frozen=True)

@@ -143,9 +143,41 @@ def test_a_wrong_request_names_its_field(client: TestClient, body: dict[str, Any
 def test_a_condition_that_the_model_cannot_make_is_named(
     client: TestClient, texts: dict[str, str], why: str
 ) -> None:
+    """At the upload, so that nobody waits for a diagnosis which is then refused."""
     stored = uploaded(client, texts)
+    assert stored["can_be_diagnosed"] is False
+    assert any(s.startswith("Refused") and why in s for s in stored["sentences"])
     found = refused(client, "/v1/diagnoses", {"data_set": stored["id"]})
     assert why in found["detail"]
+
+
+def test_charges_are_kept_and_not_diagnosed(client: TestClient) -> None:
+    head = "condition,test,material,mass_kg"
+    observed = [f"c{c},{i},belt_depth_m,0.{12 + c + i}" for c in (1, 2) for i in range(3)]
+    texts = {
+        CONDITIONS: f"{head}\nc1,charge,sinter,3000\nc2,charge,sinter,5000\n",
+        OBSERVATIONS: "\n".join(
+            ["condition,replicate,observable,value,unit", *[f"{row},m" for row in observed]]
+        ),
+    }
+    stored = uploaded(client, texts)
+    assert stored["can_be_diagnosed"] is False
+    assert stored["sentences"][-1] == "Refused, c1, c2: only pile tests are simulated by this model."
+    assert "only pile tests" in refused(client, "/v1/diagnoses", {"data_set": stored["id"]})["detail"]
+
+
+def test_grains_that_need_a_finer_pile_are_told(client: TestClient) -> None:
+    """Too coarse by default, and diagnosed with more grains."""
+    texts = tables(masses={"a": 2000.0, "b": 2400.0, "c": 3000.0}, held=())
+    texts[CONDITIONS] = texts[CONDITIONS].replace("pellet", "sinter")
+    stored = uploaded(client, texts)
+    assert stored["can_be_diagnosed"] is True
+    assert stored["sentences"][-1].startswith(
+        "With the 600 grains of a usual pile, c cannot be simulated: scale"
+    )
+    assert "scale" in refused(client, "/v1/diagnoses", {"data_set": stored["id"]})["detail"]
+    finer = {"data_set": stored["id"], "grains": 2000}
+    assert client.post("/v1/diagnoses", json=finer).status_code == 201
 
 
 def test_the_same_key_is_one_diagnosis(client: TestClient) -> None:

@@ -27,7 +27,7 @@ from service.domain.diagnosis import DiagnosisSpec
 from service.domain.effects import library
 from service.domain.model_use import ModelUse
 from service.domain.states import DesignState
-from service.studies import create_diagnosis
+from service.studies import create_diagnosis, store_data_set
 from service.studies.cancel_job import cancel_job
 from tests.builders.diagnoses import (
     a_data_set,
@@ -78,7 +78,8 @@ def floor() -> Floor:
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """In place of the DEM, which has no charges."""
     monkeypatch.setattr(worker_diagnose, "model_of", lambda *_: worker_diagnose.Model(StandIn(), floor()))
-    monkeypatch.setattr(create_diagnosis, "cannot_simulate", lambda *_: None)
+    for use_case in (create_diagnosis, store_data_set):
+        monkeypatch.setattr(use_case, "cannot_simulate", lambda *_: None)
 
 
 def hidden(kind: str, snr: float = 0.0) -> Case:

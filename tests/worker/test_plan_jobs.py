@@ -10,8 +10,7 @@ from service.db.session import Database
 from service.domain.data_set.reading import data_set_from_tables
 from service.domain.diagnosis import PlanSpec
 from service.domain.states import DesignState
-from service.studies import create_diagnosis
-from service.studies.store_data_set import store_data_set
+from service.studies import create_diagnosis, store_data_set
 from tests.builders.diagnoses import CONDITIONS, a_diagnosis, diagnosis, job_of_diagnosis, tables
 from tests.builders.work import InProcessWorker
 from worker import diagnose as worker_diagnose
@@ -32,13 +31,16 @@ def database(sqlite_database: Database) -> Database:
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """In place of the DEM, which has no charges."""
     monkeypatch.setattr(worker_diagnose, "model_of", lambda *_: worker_diagnose.Model(StandIn(), NO_FLOOR))
-    monkeypatch.setattr(create_diagnosis, "cannot_simulate", lambda *_: None)
+    for use_case in (create_diagnosis, store_data_set):
+        monkeypatch.setattr(use_case, "cannot_simulate", lambda *_: None)
 
 
 def planned(worker: InProcessWorker, plan: PlanSpec, more: str = "") -> dict[str, Any]:
     texts = {CONDITIONS: tables(held=())[CONDITIONS] + more}
     with worker.database.writing() as session:
-        number = store_data_set(session, "plan", data_set_from_tables(texts, planned=True))[0].id
+        number = store_data_set.store_data_set(session, "plan", data_set_from_tables(texts, planned=True))[
+            0
+        ].id
     asked = a_diagnosis(worker.database, number, plan=plan, **SMALL)
     worker.perform(job_of_diagnosis(worker.database, asked))
     row = diagnosis(worker.database, asked)

@@ -16,6 +16,11 @@ NAME_ALLOWED = "1 to 64 letters, digits, spaces or _ . : + -, the first a letter
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 # Names of units with small powers between * and /: pint's parser evaluates arithmetic, and 9**9**9 would not end.
 _UNIT = re.compile(r"[a-zA-Zµμ°%]+((\^|\*\*)?-?[1-9])?( ?[*/ ] ?[a-zA-Zµμ°%]+((\^|\*\*)?-?[1-9])?){0,3}")
+# kg/m3 and m2 are written so as often as kg/m^3.
+_BARE_POWER = re.compile(r"(?<=[a-zA-Zµμ])(?=-?[1-9])")
+_RAISED = str.maketrans({"²": "2", "³": "3"})
+# Only these: to pint an angle is a number, and 71 % would be 40.68 deg.
+UNITS_OF_ANGLE = ("deg", "degree", "degrees", "°", "rad", "radian", "radians", "mrad")
 _LONGEST_SHOWN = 80
 # A table of which every cell is wrong would otherwise become ten times as much memory.
 MOST_BAD_CELLS = 1_000
@@ -88,8 +93,12 @@ def unit_factor(unit: str, wanted: str) -> float | None:
     """
     if unit == wanted:
         return 1.0
+    unit = unit.translate(_RAISED)
     if len(unit) > _LONGEST_SHOWN or not _UNIT.fullmatch(unit):
         return None
+    if wanted == "deg" and unit not in UNITS_OF_ANGLE:
+        return None
+    unit = _BARE_POWER.sub("^", unit)
     # pint takes half a second to load, and a data set in the right units never needs it.
     import pint
 
@@ -107,6 +116,13 @@ def _registry():  # type: ignore[no-untyped-def]
     import pint
 
     return pint.UnitRegistry()
+
+
+def units_allowed(quantity: Quantity) -> str:
+    """In words."""
+    if quantity.unit == "deg":
+        return ", ".join(UNITS_OF_ANGLE[:-1]) + f" or {UNITS_OF_ANGLE[-1]}"
+    return f"{quantity.unit}, or a unit that converts to it"
 
 
 def convert(value: float, unit: str, quantity: Quantity) -> float | None:

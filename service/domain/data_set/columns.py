@@ -64,6 +64,9 @@ NUMBERS_OF_A_CONDITION: Mapping[str, Quantity] = {
 CHARGE_ONLY = tuple(
     name for name in NUMBERS_OF_A_CONDITION if name.startswith(("belt_", "feed_", "deflector_"))
 )
+# Of a pile alone; what either test has is in neither.
+PILE_ONLY = ("removal", "lift_speed_m_s", "base_diameter_m", "cylinder_diameter_m", "cylinder_height_m")
+NOT_OF: Mapping[str, tuple[str, ...]] = {"pile": CHARGE_ONLY, "charge": PILE_ONLY}
 TEXTS_OF_A_CONDITION = ("condition", "test", "material", "psd", "removal", "holdout")
 CONDITION_COLUMNS = (*TEXTS_OF_A_CONDITION, *NUMBERS_OF_A_CONDITION)
 REQUIRED_OF_A_CONDITION = ("condition", "test", "material", "mass_kg")

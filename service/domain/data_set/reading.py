@@ -19,6 +19,7 @@ from service.domain.data_set.cells import (
     parse_name,
     parse_number,
     parse_psd,
+    units_allowed,
 )
 from service.domain.data_set.columns import (
     CONDITION_COLUMNS,
@@ -36,7 +37,7 @@ from service.domain.data_set.columns import (
     TESTS,
     Quantity,
 )
-from service.domain.data_set.copies import copied_replicates
+from service.domain.data_set.copies import copied_replicates, copied_scans
 from service.domain.data_set.records import Condition, DataSet, Observation, Profile
 from service.domain.data_set.tables import (
     Layout,
@@ -106,9 +107,11 @@ def _build(parsed: dict[str, Parsed]) -> DataSet:
     named = {row.get("condition") for row in parsed[CONDITIONS][0]}
     is_measured = OBSERVATIONS in parsed
     observations, places = _observations(*parsed[OBSERVATIONS], known, named) if is_measured else ([], {})
-    profiles = _profiles(*parsed[PROFILES], known, named) if PROFILES in parsed else []
+    profiles, scanned = _profiles(*parsed[PROFILES], known, named) if PROFILES in parsed else ([], {})
     for place, text in copied_replicates(observations):
         parsed[OBSERVATIONS][1].add(places[place], "replicate", place[1], text)
+    for place, text in copied_scans(profiles):
+        parsed[PROFILES][1].add(scanned[place], "replicate", place[1], text)
     wrong = [cell for _, found in parsed.values() for cell in found.cells]
     if wrong:
         raise BadDataSet(wrong)
@@ -214,7 +217,7 @@ def _observation(row: Row, condition: Condition, complaints: Complaints) -> list
         complaints.add(row.number, "observable", name, allowed)
         return []
     if convert(1.0, unit or "none", quantity) is None:
-        complaints.add(row.number, "unit", unit, f"{quantity.unit}, or a unit that converts to it")
+        complaints.add(row.number, "unit", unit, units_allowed(quantity))
         return []
     if not row.get("value"):
         return []
@@ -249,7 +252,9 @@ def _brief(names: list[str]) -> str:
 
 def _profiles(
     rows: list[Row], complaints: Complaints, known: dict[str, Condition], named: set[str]
-) -> list[Profile]:
+) -> tuple[list[Profile], dict[Place, int]]:
+    """Profiles, and the first row of each."""
+    places: dict[Place, int] = {}
     points: dict[Place, list[tuple[float, ...]]] = {}
     seen: dict[tuple[object, ...], int] = {}
     for row in rows:
@@ -266,5 +271,6 @@ def _profiles(
             continue
         seen[at] = row.number
         if place[0] in known:
+            places.setdefault(place, row.number)
             points.setdefault(place, []).append(tuple(v for v in values if v is not None))
-    return [Profile(*place, *zip(*listed, strict=True)) for place, listed in points.items()]
+    return [Profile(*place, *zip(*listed, strict=True)) for place, listed in points.items()], places

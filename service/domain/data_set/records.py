@@ -7,7 +7,8 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 
-from service.domain.data_set.columns import NUMBERS_OF_A_CONDITION, OBSERVABLES_OF, REMOVALS, TESTS
+from service.domain.data_set.columns import NOT_OF, NUMBERS_OF_A_CONDITION, OBSERVABLES_OF, REMOVALS, TESTS
+from service.domain.data_set.rigs import RIGS
 from service.domain.errors import InvalidValue
 
 Psd = tuple[tuple[float, float], ...]
@@ -55,8 +56,24 @@ class Condition:
 
     @property
     def settings(self) -> tuple[object, ...]:
-        """What was done, whatever it was called and whether it is held out."""
-        return tuple(getattr(self, f.name) for f in fields(self) if f.name not in ("condition", "holdout"))
+        """What was done, whatever it was called and whether it is held out: the numbers that its test has."""
+        left_out = {"condition", "holdout", *self._not_its_own}
+        return tuple((f.name, self.used(f.name)) for f in fields(self) if f.name not in left_out)
+
+    @property
+    def ignored(self) -> tuple[str, ...]:
+        """What is stated, other than a default, though its test or removal has no such thing."""
+        defaults = {f.name: f.default for f in fields(self)}
+        return tuple(name for name in self._not_its_own if getattr(self, name) != defaults[name])
+
+    @property
+    def _not_its_own(self) -> tuple[str, ...]:
+        return NOT_OF[self.test] if self.removal == "lift" else (*NOT_OF[self.test], "lift_speed_m_s")
+
+    def used(self, name: str) -> object:
+        """A field as the test was done: the rig's own size where none is stated (None of an unknown material)."""
+        stated = getattr(self, name)
+        return RIGS.get(self.material, {}).get(name) if stated is None else stated
 
 
 @dataclass(frozen=True)
@@ -139,5 +156,30 @@ class DataSet:
         return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
 
     @property
+    def held_out_hash(self) -> str | None:
+        """SHA-256 of what was done and read in the held-out conditions; None where nothing was.
+
+        Names do not matter, nor what was trained on: who has seen the numbers has seen them under any name.
+        """
+        block = self.held_out
+        if not block.observations and not block.profiles:
+            return None
+        read: dict[str, dict[str, list[object]]] = {c.condition: {} for c in block.conditions}
+        for o in block.observations:
+            read[o.condition].setdefault(o.replicate, []).append((o.observable, o.value))
+        for p in block.profiles:
+            scan = ("profile", sorted(zip(p.theta_deg, p.r_m, p.h_m, strict=True)))
+            read[p.condition].setdefault(p.replicate, []).append(scan)
+        rows = sorted(
+            json.dumps([c.settings, sorted(_in_order(found) for found in read[c.condition].values())])
+            for c in block.conditions
+        )
+        return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
+
+    @property
     def _tables(self) -> tuple[tuple[Condition | Observation | Profile, ...], ...]:
         return self.conditions, self.observations, self.profiles
+
+
+def _in_order(readings: Iterable[object]) -> str:
+    return json.dumps(sorted(json.dumps(reading) for reading in readings))

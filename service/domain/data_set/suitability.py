@@ -32,9 +32,10 @@ def suitability(data_set: DataSet) -> Suitability:
     """Conditions with too few replicates are set aside; what is left is judged."""
     if not data_set.observations and not data_set.profiles:
         return Suitability(None, (PLANNED,))
+    sentences = _ignored(data_set)
     replicates = data_set.replicates
     thin = [c for c in data_set.conditions if len(replicates[c.condition]) < LEAST_REPLICATES]
-    sentences = [_set_aside([c.condition for c in thin])] if thin else []
+    sentences += [_set_aside([c.condition for c in thin])] if thin else []
     kept = data_set.restricted(c.condition for c in data_set.conditions if c not in thin)
     trained = kept.training.conditions
     if not trained:
@@ -50,6 +51,21 @@ def suitability(data_set: DataSet) -> Suitability:
             "named but not claimed; mark at least one condition with holdout = 1 before the analysis."
         )
     return Suitability(kept, tuple(sentences))
+
+
+def _ignored(data_set: DataSet) -> list[str]:
+    """Cells that nobody reads: somebody meant them."""
+    by_column: dict[str, list[str]] = {}
+    for c in data_set.conditions:
+        for column in c.ignored:
+            by_column.setdefault(column, []).append(c.condition)
+    found = []
+    for column, names in by_column.items():
+        why = "their test has no such thing"
+        if column == "lift_speed_m_s":
+            why = "there the cylinder is removed at once; where it was lifted, write `lift` as removal"
+        found.append(f"Not used: {column} of {', '.join(names)}: {why}.")
+    return found
 
 
 def _set_aside(names: Sequence[str]) -> str:

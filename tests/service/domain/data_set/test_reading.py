@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ import pytest
 from service.domain.data_set.cells import BadDataSet, parse_psd, unit_factor
 from service.domain.data_set.columns import CHARGE_OBSERVABLES, PILE_OBSERVABLES
 from service.domain.data_set.reading import data_set_from_json, data_set_from_tables, read_data_set
+from service.domain.data_set.records import DataSet, Observation
+from service.domain.data_set.suitability import suitability
 from service.domain.data_set.tables import LARGEST_FILE_BYTES
 from tests.service.domain.data_set.tables import CONDITIONS, OBSERVATIONS, tables
 
@@ -69,7 +72,41 @@ def test_a_unit_of_another_kind_is_refused(unit: str) -> None:
     assert unit_factor(unit or "none", "m") is None
 
 
-def test_percent_and_density_units_convert() -> None:
+@pytest.mark.parametrize(
+    ("unit", "wanted", "factor"),
+    [
+        ("kg/m3", "kg/m^3", 1.0),
+        ("kg/m^3", "kg/m**3", 1.0),
+        ("kg/m**3", "kg/m^3", 1.0),
+        ("kg/m³", "kg/m^3", 1.0),
+        ("kg m-3", "kg/m^3", 1.0),
+        ("g/cm3", "kg/m^3", 1000.0),
+        ("m2", "m^2", 1.0),
+        ("cm2", "m^2", 1e-4),
+        ("m3", "m**3", 1.0),
+        ("percent", "", 0.01),
+        ("°", "deg", 1.0),
+        ("degrees", "deg", 1.0),
+        ("mrad", "deg", 0.05729577951308232),
+    ],
+)
+def test_powers_and_degrees_are_written_in_many_ways(unit: str, wanted: str, factor: float) -> None:
+    assert unit_factor(unit, wanted) == pytest.approx(factor, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "unit", ["%", "percent", "count", "ppm", "m/m", "dimensionless", "turn", "rad/m*m", "deg2"]
+)
+def test_an_angle_is_in_degrees_or_radians(unit: str) -> None:
+    """71 % is the tangent of 35.4 deg, and was read as 40.68 deg."""
+    with pytest.raises(BadDataSet) as caught:
+        data_set_from_tables(tables(observations=OBSERVATIONS + f"p1,9,repose_angle_deg,71,{unit},\n"))
+    (cell,) = caught.value.cells
+    assert (cell.column, cell.value) == ("unit", unit)
+    assert cell.allowed == "deg, degree, degrees, °, rad, radian, radians or mrad"
+
+
+def test_density_units_convert() -> None:
     assert unit_factor("t/m^3", "kg/m^3") == pytest.approx(1000.0)
     assert unit_factor("rad", "deg") == pytest.approx(57.29577951308232)
     assert unit_factor("min", "s") == pytest.approx(60.0)
@@ -126,6 +163,46 @@ def test_a_bad_condition_is_named(row: str, column: str) -> None:
     assert [c[:3] for c in found] == [("conditions.csv", 5, column)]
 
 
+@pytest.mark.parametrize(
+    ("test", "cells", "why"),
+    [
+        ("pile", {"lift_speed_m_s": "0.4"}, "write `lift` as removal"),
+        ("pile", {"lift_speed_m_s": "0.4", "removal": "instant"}, "write `lift` as removal"),
+        ("pile", {"belt_speed_m_s": "1.5"}, "no such thing"),
+        ("pile", {"deflector_rotation_deg": "5"}, "no such thing"),
+        ("charge", {"removal": "lift"}, "no such thing"),
+        ("charge", {"cylinder_height_m": "1.6"}, "no such thing"),
+    ],
+)
+def test_a_cell_that_does_not_apply_is_told(test: str, cells: dict[str, str], why: str) -> None:
+    """It is not refused: a program may write out more columns than a test has."""
+    head = ",".join(["condition,test,material,mass_kg", *cells])
+    texts = {"conditions.csv": head + "\n" + ",".join(["a", test, "coke", "100", *cells.values()]) + "\n"}
+    data = data_set_from_tables(texts, planned=True)
+    column = next(iter(cells))
+    assert data.conditions[0].ignored == (column,)
+    pile = replace(data.conditions[0], condition="b", test="pile", removal="lift")
+    observed = tuple(Observation("b", f"r{k}", "apex_height_m", 0.1 + k) for k in range(3))
+    told = suitability(DataSet((*data.conditions, pile), observed)).sentences
+    assert [s for s in told if s.startswith(f"Not used: {column} of a") and why in s]
+
+
+def test_a_lifted_cylinder_has_a_speed_and_a_charge_a_belt() -> None:
+    texts = """condition,test,material,mass_kg,removal,lift_speed_m_s,belt_speed_m_s
+a,pile,coke,100,lift,0.4,
+b,charge,coke,3000,,,1.5
+"""
+    pile, charge = data_set_from_tables({"conditions.csv": texts}, planned=True).conditions
+    assert (pile.lift_speed_m_s, charge.belt_speed_m_s) == (0.4, 1.5)
+
+
+def test_of_a_record_written_with_all_of_its_defaults_nothing_is_told() -> None:
+    head = "condition,test,material,mass_kg,removal,lift_speed_m_s,belt_speed_m_s,deflector_rotation_deg"
+    rows = "a,pile,coke,100,instant,0.1,1.79,0\nb,charge,coke,3000,instant,0.1,1.79,0.0\n"
+    found = data_set_from_tables({"conditions.csv": f"{head}\n{rows}"}, planned=True).conditions
+    assert [c.ignored for c in found] == [(), ()]
+
+
 def test_every_bad_cell_is_named_at_once() -> None:
     conditions = CONDITIONS.replace("p2,pile,coke,200", "p2,pile,coke,heavy")
     observations = (
@@ -179,12 +256,27 @@ def test_profile_points_are_checked() -> None:
 
 
 def test_a_replicate_that_is_a_copy_is_named() -> None:
-    rows = (
-        OBSERVATIONS
-        + "p1,0,apex_height_m,0.413,m,\np1,3,apex_height_m,413,mm,\np1,3,repose_angle_deg,36.2,deg,\n"
+    masses = {"p1": ("48.2134", "47.8821", "48.5518"), "p2": ("81.0237", "80.4419", "81.5526")}
+    rows = OBSERVATIONS + "".join(
+        f"{name},{k},mass_on_base_kg,{mass},kg,\n"
+        for name, found in masses.items()
+        for k, mass in enumerate(found)
     )
-    found = complaints(tables(observations=rows))
-    assert [c[:3] for c in found] == [("observations.csv", 12, "replicate")]
+    rows += "p1,3,mass_on_base_kg,48213.4,g,\np1,3,repose_angle_deg,36.2,deg,\n"
+    with pytest.raises(BadDataSet) as caught:
+        data_set_from_tables(tables(observations=rows))
+    assert str(caught.value) == (
+        "observations.csv row 17, replicate: got '3', "
+        "allowed is an experiment of its own; it repeats replicate 0 of p1"
+    )
+
+
+def test_a_surface_that_is_a_copy_is_named() -> None:
+    """Three replicates under three names, with one scan."""
+    heights = [0.3 - 0.004 * k + 0.0137 * (k * k % 7) for k in range(40)]
+    rows = [f"p1,{i},{9 * k},0.1,{h:.4f}" for i in range(3) for k, h in enumerate(heights)]
+    found = complaints(tables(profiles="\n".join(["condition,replicate,theta_deg,r_m,h_m", *rows]) + "\n"))
+    assert found == [("profiles.csv", 42, "replicate", "1"), ("profiles.csv", 82, "replicate", "2")]
 
 
 def test_rounded_numbers_that_meet_by_chance_are_no_copy() -> None:
