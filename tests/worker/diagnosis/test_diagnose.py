@@ -262,14 +262,18 @@ def test_a_simulation_that_makes_no_pile_at_all_is_refused() -> None:
         diagnose(measured({}), Flat(), QUICK)
 
 
-def test_two_named_effects_have_the_sizes_that_they_have_beside_each_other() -> None:
-    """Fitted alone, cohesion takes over what the shaking does, and the shaking would be named with a size of 0."""
-    hidden = {"vibration": 0.5, "cohesion": 0.8}
-    found = diagnose(measured(hidden), StandIn(), QUICK).result
-    assert {c.effect: c.amplitude.value for c in found.claims} == pytest.approx(hidden, rel=0.3)
-    for claim in found.claims:
-        low, high = claim.amplitude.ci90
-        assert low < claim.amplitude.value < high
+def test_two_effects_have_the_sizes_that_they_have_beside_each_other() -> None:
+    """Fitted alone, each takes over what the other does."""
+    hidden = {"density": 0.15, "wide_psd": 0.3}
+    analysis = diagnose(measured(hidden), StandIn(), QUICK).analysis
+    assert analysis is not None
+    known = [effect.id for effect in analysis.evidence.known.effects]
+    both = [known.index(name) for name in hidden]
+    fitted = analysis.evidence.together(both)
+    assert dict(zip(hidden, fitted.mode.tolist(), strict=True)) == pytest.approx(hidden, rel=0.2)
+    assert np.all(np.sqrt(np.diag(fitted.covariance)) < fitted.mode)
+    alone = analysis.ranking.amplitude[both]
+    assert np.all(alone > 1.25 * fitted.mode)
 
 
 def test_what_would_be_beyond_the_possible_is_not_named() -> None:
