@@ -13,6 +13,7 @@ from tests.diagnosis.piles.bank import scored_sets
 from tests.diagnosis.piles.campaign import case_of, main, run, told
 
 SETS = scored_sets()
+ANSWERS = Path(__file__).parent / "answers"
 
 
 def answer(verdict: str, claims: tuple[str, ...] = (), **more: Any) -> dict[str, Any]:
@@ -80,3 +81,14 @@ def test_the_score_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     keep(tmp_path, first("null"), answer("no_misfit"))
     assert main(["score", str(tmp_path)]) == 0
     assert "1 data sets, utility 0.000" in capsys.readouterr().out
+
+
+def test_the_score_in_the_documents_is_that_of_the_answers_that_are_kept() -> None:
+    """At least forty sets; whoever changes an answer or the scorer finds out what the page says."""
+    found = told(ANSWERS)
+    page = (ANSWERS.parents[3] / "docs" / "diagnosis_piles.md").read_text(encoding="utf-8")
+    assert found["sets"] >= 40
+    assert f"**{found['sets']} data sets, utility {found['utility']:.3f}**" in page
+    assert sum(row["named_wrong"] for row in found["by_cause"]) == 0
+    models = {json.loads(path.read_text())["model_version"] for path in ANSWERS.glob("*.json")}
+    assert len(models) == 1
